@@ -1,0 +1,327 @@
+"""Reads a pose graph of any text dialect: variables, factors, the document for the writer and the reading report."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from slamcli.errors import InputError
+from slamcli.formats import source
+from slamcli.formats.dialect import EdgeTag
+from slamcli.formats.recognize import by_name, recognize
+from slamcli.formats.records import Records, is_id
+from slamcli.formats.tokens import TokenizedText
+from slamcli.graph import Document, FactorGraph, Factors, ReadingReport, Variables
+from slamcli.graph.columns import IdArray, IndexArray
+from slamcli.models import VariableKind
+from slamcli.models.base import Array
+
+#: Ids, values and line numbers of the vertex records of each kind.
+Vertices = dict[VariableKind, tuple[IdArray, Array, IndexArray]]
+
+
+def read(path: str, *, dialect: str | None = None, lenient: bool = False) -> FactorGraph:
+    """Read a pose graph.
+
+    Parameters
+    ----------
+    path
+        A file, or ``-`` for standard input; gzip is recognized by content, the format by its tags.
+    dialect
+        ``"g2o"`` or ``"toro"`` to skip recognition.
+    lenient
+        Skip, count and report malformed records instead of raising.
+
+    Returns
+    -------
+    FactorGraph
+        With its ``report`` and its ``document``. Variables that edges name without a vertex record exist, but are
+        not ``known``.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or is not a graph; ``ParseError`` with a diagnostic for each malformed record.
+    """
+    raw, data = source.read_bytes(str(path))
+    text = TokenizedText(data)
+    chosen = by_name(dialect) if dialect else recognize(str(path), _tags_in_order(text))
+    return _Reader(raw, Records(str(path), text, chosen, lenient)).graph()
+
+
+def _tags_in_order(text: TokenizedText) -> list[str]:
+    """Tags in the order in which they first occur."""
+    names, index = text.tags
+    unique, first = np.unique(index[index >= 0], return_index=True)
+    return [names[k].decode("utf-8", "replace") for k in unique[np.argsort(first)]]
+
+
+class _Reader:
+    """Makes a graph of records; every method is a step of ``graph``."""
+
+    def __init__(self, raw: bytes, records: Records) -> None:
+        self.raw = raw
+        self.records = records
+        self.dialect = records.dialect
+        self.text = records.text
+        self.notes: list[str] = []
+        self.edges = [e for e in self.dialect.edges if len(records.ids.get(e.tag, ()))]
+
+    def graph(self) -> FactorGraph:
+        parameters = self._parameters()
+        vertices = self._vertices()
+        self._check_parameters(parameters)
+        created = self._missing(vertices)
+        self.records.settle()
+        variables = self._variables(vertices, created)
+        factors = [self._factors(record, variables, parameters) for record in self.edges]
+        variables = self._fix(variables)
+        self.records.settle()
+        if not variables:
+            raise InputError(f"{self.records.path}: holds no vertex and no edge that slamcli can use")
+        factors = [column for column in factors if len(column)]
+        document = self._document({name: column.values for name, column in variables.items()})
+        return FactorGraph(variables, factors, parameters, document, self._report(variables, factors, created))
+
+    # -- variables -----------------------------------------------------------------------------------------------
+
+    def _parameters(self) -> dict[int, Array]:
+        """Constant parameters by id."""
+        out: dict[int, Array] = {}
+        for record in self.dialect.parameters:
+            if record.tag not in self.records.rows:
+                continue
+            values = record.kind.normalize(self.records.matrix(record.tag, 1 + record.kind.size)[:, 1:])
+            self._drop_zero_quaternions(record.tag, values)
+            lines = self.records.rows[record.tag].lines
+            values = values[np.isfinite(values).all(axis=1)]
+            for k, identifier in enumerate(self.records.ids[record.tag][:, 0].tolist()):
+                if identifier in out:
+                    self.records.defect(int(lines[k]), None, f"parameter {identifier} is defined twice")
+                else:
+                    out[identifier] = values[k]
+        return out
+
+    def _vertices(self) -> Vertices:
+        """Ids, values and line numbers of the vertex records, by kind."""
+        parts: dict[VariableKind, list[tuple[IdArray, Array, IndexArray]]] = {}
+        for record in self.dialect.vertices:
+            if record.tag not in self.records.rows:
+                continue
+            numbers = self.records.matrix(record.tag, 1 + record.numbers)
+            values = record.kind.normalize(record.decode(numbers[:, 1:]))
+            self._drop_zero_quaternions(record.tag, values)
+            values = values[np.isfinite(values).all(axis=1)]
+            lines = self.records.rows[record.tag].lines + 1
+            parts.setdefault(record.kind, []).append((self.records.ids[record.tag][:, 0], values, lines))
+        out = {}
+        for kind, found in parts.items():
+            ids, values, lines = (np.concatenate(column) for column in zip(*found, strict=True))
+            keep = self._first_of_each(ids, lines)
+            out[kind] = (ids[keep], values[keep], lines[keep])
+        return out
+
+    def _drop_zero_quaternions(self, tag: str, values: Array) -> None:
+        good = np.isfinite(values).all(axis=1)
+        for line in self.records.rows[tag].lines[~good].tolist():
+            self.records.defect(line, None, f"{tag} has a quaternion of zero length")
+        self.records.drop(tag, good)
+
+    def _first_of_each(self, ids: IdArray, lines: IndexArray) -> IndexArray:
+        """Rows of the first record of each id, in the order of the file; repeats are defects."""
+        order = np.argsort(ids, kind="stable")
+        repeats = order[1:][ids[order[1:]] == ids[order[:-1]]]
+        for k in np.sort(repeats).tolist():
+            message = f"vertex {ids[k]} is defined twice"
+            self.records.defect(int(lines[k]) - 1, None, message, "ids of vertices must be unique")
+        return np.setdiff1d(np.arange(len(ids)), repeats) if len(repeats) else np.arange(len(ids))
+
+    def _missing(self, vertices: Vertices) -> dict[VariableKind, IdArray]:
+        """Ids that edges name and no vertex record defines, by kind."""
+        named: dict[VariableKind, list[IdArray]] = {}
+        for record in self.edges:
+            for slot, kind in enumerate(record.kind.variables):
+                named.setdefault(kind, []).append(self.records.ids[record.tag][:, slot])
+        missing = {}
+        for kind, parts in named.items():
+            wanted = np.unique(np.concatenate(parts))
+            absent = np.setdiff1d(wanted, vertices[kind][0]) if kind in vertices else wanted
+            if len(absent):
+                missing[kind] = absent
+        for kind, absent in missing.items():
+            defined = [ids for other, (ids, _, _) in vertices.items() if other is not kind]
+            defined += [ids for other, ids in missing.items() if other is not kind]
+            clash = np.intersect1d(absent, np.concatenate(defined)) if defined else absent[:0]
+            if len(clash):
+                self._refuse_other_kind(kind, clash)
+                missing[kind] = np.setdiff1d(absent, clash)
+        return missing
+
+    def _refuse_other_kind(self, kind: VariableKind, clash: IdArray) -> None:
+        """Edges that use a vertex of another kind than theirs."""
+        for record in self.edges:
+            ids = self.records.ids[record.tag]
+            slots = [slot for slot, needed in enumerate(record.kind.variables) if needed is kind]
+            wrong = np.isin(ids[:, slots], clash)
+            for k in np.flatnonzero(wrong.any(axis=1)).tolist():
+                first = ids[k, slots][wrong[k]][0]
+                message = f"{record.tag} needs a {kind.name} vertex, but {first} is of another kind"
+                self.records.defect(int(self.records.rows[record.tag].lines[k]), None, message)
+            self.records.drop(record.tag, ~wrong.any(axis=1))
+
+    def _variables(self, vertices: Vertices, created: dict[VariableKind, IdArray]) -> dict[str, Variables]:
+        """Columns of variables: those of the file, then those that only edges name."""
+        out = {}
+        for kind in dict.fromkeys(record.kind for record in self.dialect.vertices):
+            none = (np.empty(0, np.int64), np.empty((0, kind.size)), np.empty(0, np.intp))
+            ids, values, lines = vertices.get(kind, none)
+            new = created.get(kind, ids[:0])
+            total = len(ids) + len(new)
+            if total:
+                out[kind.name] = Variables(
+                    kind=kind,
+                    ids=np.concatenate([ids, new]) if len(ids) else new,
+                    values=np.concatenate([values, np.tile(kind.identity, (len(new), 1))]) if len(new) else values,
+                    fixed=np.zeros(total, dtype=bool),
+                    known=np.arange(total) < len(ids),
+                    lines=np.concatenate([lines, np.zeros(len(new), dtype=np.intp)]),
+                )
+        return out
+
+    def _fix(self, variables: dict[str, Variables]) -> dict[str, Variables]:
+        """Hold the variables that FIX commands name."""
+        text = self.text
+        fixed = {name: column.fixed.copy() for name, column in variables.items()}
+        for line in self.records.lines_of(self.dialect.fix).tolist():
+            first = int(text.first[line])
+            for index in range(first + 1, first + int(text.counts[line])):
+                token, offset = text.token(index), int(text.token_start[index])
+                if not is_id(token):
+                    found = token.decode("utf-8", "replace")
+                    self.records.defect(line, offset, f"FIX expects ids, found {found!r}")
+                    continue
+                rows = {name: _row_of(column, int(token)) for name, column in variables.items()}
+                for name, row in rows.items():
+                    if row >= 0:
+                        fixed[name][row] = True
+                if max(rows.values(), default=-1) < 0:
+                    self.records.defect(line, offset, f"FIX names {int(token)}, which is no vertex of this graph")
+        return {name: replace(column, fixed=fixed[name]) for name, column in variables.items()}
+
+    # -- factors -------------------------------------------------------------------------------------------------
+
+    def _check_parameters(self, parameters: dict[int, Array]) -> None:
+        """Every edge's sensor offset must be defined."""
+        for record in self.edges:
+            if record.kind.parameter is None:
+                continue
+            good = np.array([i in parameters for i in self.records.ids[record.tag][:, -1].tolist()], dtype=bool)
+            for k in np.flatnonzero(~good).tolist():
+                named = self.records.ids[record.tag][k, -1]
+                message = f"{record.tag} names parameter {named}, which no record defines"
+                hint = f"{self.dialect.parameters[0].tag} {named} x y z qx qy qz qw puts the sensor on the robot"
+                self.records.defect(int(self.records.rows[record.tag].lines[k]), None, message, hint)
+            self.records.drop(record.tag, good)
+
+    def _factors(self, record: EdgeTag, variables: dict[str, Variables], parameters: dict[int, Array]) -> Factors:
+        """One column of factors."""
+        measurement, information = self._measured(record)
+        usable = np.isfinite(measurement).all(axis=1) & np.isfinite(information).all(axis=(1, 2))
+        for line in self.records.rows[record.tag].lines[~usable].tolist():
+            self.records.defect(line, None, f"{record.tag} has a quaternion of zero length or an infinite information")
+        self.records.drop(record.tag, usable)
+        ids = self.records.ids[record.tag]
+        slots = enumerate(record.kind.variables)
+        offsets = parameter_ids = None
+        if record.kind.parameter is not None:
+            parameter_ids = ids[:, -1]
+            unique, inverse = np.unique(parameter_ids, return_inverse=True)
+            table = [parameters[i] for i in unique.tolist()]
+            offsets = np.array(table).reshape(-1, record.kind.parameter.size)[inverse]
+        return Factors(
+            kind=record.kind,
+            indices=np.stack([variables[kind.name].rows_of(ids[:, slot]) for slot, kind in slots], axis=1),
+            measurements=measurement if usable.all() else measurement[usable],
+            information=information if usable.all() else information[usable],
+            parameters=offsets,
+            parameter_ids=parameter_ids,
+            tag=record.tag,
+            lines=self.records.rows[record.tag].lines + 1,
+        )
+
+    def _measured(self, record: EdgeTag) -> tuple[Array, Array]:
+        """Measurements and information matrices, as the factor kind wants them."""
+        start = record.ids
+        split = start + record.measurement
+        full = split + record.information
+        short = self.records.rows[record.tag].counts < full
+        if not short.any():
+            numbers = self.records.matrix(record.tag, full)
+            return record.decode(record.kind, numbers[:, start:split], numbers[:, split:])
+        triangle = np.eye(record.kind.dimension)[np.triu_indices(record.kind.dimension)]
+        information = np.tile(triangle, (len(short), 1))
+        information[~short] = self.records.matrix(record.tag, full, ~short)[:, split:]
+        self.notes.append(f"{np.count_nonzero(short)} {record.tag} records have no information: the identity is used")
+        return record.decode(record.kind, self.records.matrix(record.tag, split)[:, start:], information)
+
+    # -- what else the file holds ---------------------------------------------------------------------------------
+
+    def _document(self, values: dict[str, Array]) -> Document:
+        text, records = self.text, self.records
+        names, index = text.tags
+        used = self.dialect.tags | {self.dialect.fix}
+        foreign = np.array([name.decode("utf-8", "replace") not in used for name in names] + [False])
+        none = np.empty(0, dtype=np.intp)
+        parameter_lines = [records.rows[p.tag].lines for p in self.dialect.parameters if p.tag in records.rows]
+        start, stop = text.record_spans()
+        return Document(
+            raw=self.raw,
+            data=text.data,
+            record_start=start,
+            record_stop=stop,
+            line_start=text.line_start,
+            kept=np.union1d(np.flatnonzero(foreign[index]), sorted(records.ignored)).astype(np.intp) + 1,
+            comments=np.flatnonzero(text.counts == 0) + 1,
+            parameter_lines=np.sort(np.concatenate([none, *parameter_lines])) + 1,
+            fix_lines=records.lines_of(self.dialect.fix) + 1,
+            first_edge_line=1 + min((int(records.rows[e.tag].lines[0]) for e in self.edges), default=text.lines),
+            values=values,
+        )
+
+    def _report(
+        self, variables: dict[str, Variables], factors: list[Factors], created: dict[VariableKind, IdArray]
+    ) -> ReadingReport:
+        text, records = self.text, self.records
+        names, index = text.tags
+        by_tag = {tag: len(rows.lines) for tag, rows in records.rows.items()}
+        by_tag.update({column.tag: len(column) for column in factors})
+        by_tag[str(self.dialect.fix)] = len(records.lines_of(self.dialect.fix))
+        totals = np.bincount(index[index >= 0], minlength=len(names)).tolist()
+        tags = [name.decode("utf-8", "replace") for name in names]
+        used = self.dialect.tags | {self.dialect.fix}
+        comments = int(np.count_nonzero(text.has_comment & (text.counts == 0)))
+        poses = [column.ids for column in variables.values() if column.kind.is_pose]
+        points = [column.ids for column in variables.values() if not column.kind.is_pose]
+        if poses and points and (shared := len(np.intersect1d(np.concatenate(poses), np.concatenate(points)))):
+            self.notes.append(f"{shared} ids name both a pose and a landmark; g2o would refuse them")
+        return ReadingReport(
+            path=records.path,
+            format=self.dialect.name,
+            lines=text.lines,
+            comments=comments,
+            blank=int(np.count_nonzero(text.counts == 0)) - comments,
+            by_tag={tag: count for tag, count in by_tag.items() if count},
+            skipped={tag: count for tag, count in zip(tags, totals, strict=True) if tag not in used and count},
+            malformed=[str(defect) for defect in records.defects],
+            created={kind.name: ids.tolist() for kind, ids in created.items() if len(ids)},
+            notes=self.notes,
+        )
+
+
+def _row_of(column: Variables, wanted: int) -> int:
+    """Row of one id, -1 if there is none."""
+    limits = np.iinfo(column.ids.dtype)
+    if not limits.min <= wanted <= limits.max:
+        return -1
+    return int(column.rows_of(np.array([wanted], dtype=column.ids.dtype))[0])

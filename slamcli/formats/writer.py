@@ -1,0 +1,222 @@
+"""Writes graphs: unchanged records from their original bytes, everything else in shortest exact numbers.
+
+A graph that was read from a file is written by replacing, in that file's text, the records that have changed;
+comments, unknown records, order, blanks and line ends stay. Numbers are the shortest decimals that read back as the
+same double, so nothing is lost by writing and reading any number of times.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import repeat
+
+import numpy as np
+
+from slamcli.errors import NumericalError
+from slamcli.formats.dialect import Dialect
+from slamcli.formats.recognize import DIALECTS, by_name
+from slamcli.formats.source import write_bytes
+from slamcli.graph import Document, FactorGraph, Factors, Variables
+from slamcli.graph.columns import IdArray, IndexArray
+from slamcli.models.base import Array
+
+
+@dataclass
+class Rendered:
+    """A graph as text.
+
+    Attributes
+    ----------
+    data
+        The text.
+    losses
+        What the dialect cannot express and the text therefore lacks, one sentence each.
+    """
+
+    data: bytes
+    losses: list[str] = field(default_factory=list)
+
+
+def write(graph: FactorGraph, path: str, *, dialect: str | None = None) -> list[str]:
+    """Write a graph to a file (atomically) or to standard output (``-``).
+
+    Parameters
+    ----------
+    graph
+        The graph; variables without an estimate are not written.
+    path
+        Where to; ``.gz`` compresses.
+    dialect
+        ``"g2o"`` or ``"toro"``; the dialect that it was read from, or g2o, if not given.
+
+    Returns
+    -------
+    list of str
+        What the dialect could not express.
+    """
+    rendered = render(graph, dialect)
+    write_bytes(str(path), rendered.data)
+    return rendered.losses
+
+
+def render(graph: FactorGraph, dialect: str | None = None) -> Rendered:
+    """The text of a graph in a dialect (see ``write``)."""
+    own = DIALECTS[graph.report.format] if graph.report is not None else None
+    target = by_name(dialect) if dialect else own or DIALECTS["g2o"]
+    _refuse_not_finite(graph)
+    if graph.document is None:
+        return _fresh(graph, target)
+    if target is own:
+        return Rendered(_spliced(graph.document, _changed_vertices(graph, graph.document), _new_vertices(graph, target)))
+    return _translated(graph, graph.document, target)
+
+
+def format_records(ids: IdArray, numbers: Array) -> list[str]:
+    """One string ``id ... number ...`` for each record; whole numbers without a point, others shortest exact."""
+    if len(ids) == 0:
+        return []
+    # the representation of one big list is made in C; its punctuation then becomes blanks and record ends
+    text = repr(list(zip(*ids.T.tolist(), *numbers.T.tolist(), strict=True)))
+    return text[2:-2].replace(".0,", ",").replace(".0)", ")").removesuffix(".0").replace(",", "").split(") (")
+
+
+def _refuse_not_finite(graph: FactorGraph) -> None:
+    for column in graph.variables.values():
+        bad = column.known & ~np.isfinite(column.values).all(axis=1)
+        if bad.any():
+            raise NumericalError(f"vertex {column.ids[bad][0]} is not finite: nothing is written")
+
+
+def _changed_vertices(graph: FactorGraph, document: Document) -> dict[int, str]:
+    """New text of the vertex records whose value has changed, by line."""
+    out: dict[int, str] = {}
+    assert graph.report is not None
+    dialect = DIALECTS[graph.report.format]
+    for name, column in graph.variables.items():
+        before = document.values[name]
+        if column.values is before:
+            continue
+        rows = np.flatnonzero((column.values != before).any(axis=1) & (column.lines > 0))
+        for record in dialect.vertices:
+            if record.kind is column.kind:
+                tags = _original_tags(document, column.lines[rows])
+                mine = rows[[tag == record.tag for tag in tags]]
+                records = format_records(column.ids[mine, None], record.encode(column.values[mine]))
+                out.update(zip(column.lines[mine].tolist(), map(" ".join, zip(repeat(record.tag), records)), strict=False))
+    return out
+
+
+def _original_tags(document: Document, lines: IndexArray) -> list[str]:
+    """First words of the given lines."""
+    starts = document.record_start[lines - 1].tolist()
+    return [document.data[start : start + 64].split(None, 1)[0].decode() for start in starts]
+
+
+def _new_vertices(graph: FactorGraph, dialect: Dialect) -> list[str]:
+    """Records of the variables that have an estimate but no line in the source."""
+    out: list[str] = []
+    for column in graph.variables.values():
+        out += _vertex_records(column, np.flatnonzero(column.known & (column.lines == 0)), dialect)
+    return out
+
+
+def _vertex_records(column: Variables, rows: IndexArray, dialect: Dialect) -> list[str]:
+    record = dialect.vertex_tag(column.kind)
+    if record is None or len(rows) == 0:
+        return []
+    return [f"{record.tag} {text}" for text in format_records(column.ids[rows, None], record.encode(column.values[rows]))]
+
+
+def _edge_records(graph: FactorGraph, factors: Factors, dialect: Dialect) -> list[str]:
+    record = dialect.edge_tag(factors.kind)
+    if record is None:
+        return []
+    ids = factors.variable_ids(graph.variables)
+    if factors.parameter_ids is not None:
+        ids = np.concatenate([ids, factors.parameter_ids[:, None].astype(ids.dtype)], axis=1)
+    numbers = np.concatenate(record.encode(record.kind, factors.measurements, factors.information), axis=1)
+    return [f"{record.tag} {text}" for text in format_records(ids, numbers)]
+
+
+def _parameter_records(graph: FactorGraph, dialect: Dialect) -> list[str]:
+    if not dialect.parameters or not graph.parameters:
+        return []
+    ids = np.array(list(graph.parameters), dtype=object)[:, None]
+    tag = dialect.parameters[0].tag
+    return [f"{tag} {text}" for text in format_records(ids, np.array(list(graph.parameters.values())))]
+
+
+def _losses(graph: FactorGraph, dialect: Dialect) -> list[str]:
+    """What a dialect cannot express."""
+    out = []
+    for column in graph.variables.values():
+        if dialect.vertex_tag(column.kind) is None:
+            out.append(f"{len(column)} {column.kind.name} vertices: {dialect.name} has no such vertex")
+    for factors in graph.factors:
+        if dialect.edge_tag(factors.kind) is None:
+            out.append(f"{len(factors)} {factors.tag or factors.kind.name} edges: {dialect.name} has no such edge")
+    if graph.parameters and not dialect.parameters:
+        out.append(f"{len(graph.parameters)} parameters: {dialect.name} has none")
+    fixed = sum(int(np.count_nonzero(column.fixed)) for column in graph.variables.values())
+    if fixed and dialect.fix is None:
+        out.append(f"{fixed} fixed vertices: {dialect.name} cannot hold vertices fixed")
+    if graph.report is not None and graph.report.format != dialect.name:
+        out += [f"{n} {tag} records: not understood, left out" for tag, n in graph.report.skipped.items()]
+        if graph.report.malformed:
+            out.append(f"{len(graph.report.malformed)} malformed records, left out")
+    return out
+
+
+def _fix_records(graph: FactorGraph, dialect: Dialect) -> list[str]:
+    if dialect.fix is None:
+        return []
+    return [f"{dialect.fix} {i}" for column in graph.variables.values() for i in column.ids[column.fixed].tolist()]
+
+
+def _fresh(graph: FactorGraph, dialect: Dialect) -> Rendered:
+    """A text from nothing: parameters, vertices, FIX, edges."""
+    records = _parameter_records(graph, dialect)
+    for column in graph.variables.values():
+        records += _vertex_records(column, np.flatnonzero(column.known), dialect)
+    records += _fix_records(graph, dialect)
+    for factors in graph.factors:
+        records += _edge_records(graph, factors, dialect)
+    return Rendered("".join(f"{record}\n" for record in records).encode(), _losses(graph, dialect))
+
+
+def _translated(graph: FactorGraph, document: Document, dialect: Dialect) -> Rendered:
+    """The source's text with every record in another dialect; comments and order stay."""
+    new: dict[int, str] = {}
+    for column in graph.variables.values():
+        rows = np.flatnonzero(column.known & (column.lines > 0))
+        new.update(zip(column.lines[rows].tolist(), _vertex_records(column, rows, dialect), strict=False))
+    for factors in graph.factors:
+        new.update(zip(factors.lines.tolist(), _edge_records(graph, factors, dialect), strict=False))
+    if dialect.parameters:
+        parameters = zip(document.parameter_lines.tolist(), _parameter_records(graph, dialect), strict=False)
+        new.update(parameters)
+    kept = set(document.comments.tolist())
+    gone = [line for line in range(1, len(document.line_start)) if line not in new and line not in kept]
+    inserted = _new_vertices(graph, dialect) + (_fix_records(graph, dialect) if len(document.fix_lines) else [])
+    return Rendered(_spliced(document, new, inserted, gone), _losses(graph, dialect))
+
+
+def _spliced(document: Document, new: dict[int, str], inserted: list[str], gone: Sequence[int] = ()) -> bytes:
+    """The source's text with some records replaced, some lines removed, and records inserted before the first edge."""
+    if not new and not inserted and not gone:
+        return document.data
+    edits = [(int(document.record_start[k - 1]), int(document.record_stop[k - 1]), text.encode()) for k, text in new.items()]
+    edits += [(int(document.line_start[k - 1]), int(document.line_start[k]), b"") for k in gone]
+    if inserted:
+        at = int(document.line_start[document.first_edge_line - 1])
+        end = b"\r\n" if b"\r\n" in document.data[:4096] else b"\n"
+        start = end if at == len(document.data) and at > 0 and not document.data.endswith(b"\n") else b""
+        edits.append((at, at, start + b"".join(text.encode() + end for text in inserted)))
+    pieces: list[bytes] = []
+    position = 0
+    for begin, stop, text in sorted(edits, key=lambda edit: edit[:2]):
+        pieces += (document.data[position:begin], text)
+        position = stop
+    pieces.append(document.data[position:])
+    return b"".join(pieces)

@@ -1,0 +1,19 @@
+"""The factor graph as columns: variables by kind, factors by kind, and how they hang together."""
+
+from slamcli.graph.columns import Factors, Values, Variables
+from slamcli.graph.document import Document, ReadingReport
+from slamcli.graph.factor_graph import FactorGraph, id_array
+from slamcli.graph.topology import Topology, analyze, is_loop_closure
+
+__all__ = [
+    "Document",
+    "FactorGraph",
+    "Factors",
+    "ReadingReport",
+    "Topology",
+    "Values",
+    "Variables",
+    "analyze",
+    "id_array",
+    "is_loop_closure",
+]

@@ -1,0 +1,100 @@
+"""What reading a file leaves with the graph: the report for the user and the text for the writer."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field
+from functools import cached_property
+
+from slamcli.graph.columns import IndexArray, Values
+
+
+@dataclass(eq=False)
+class Document:
+    """The text that a graph was read from, so that unchanged records are written from their original bytes.
+
+    Attributes
+    ----------
+    raw
+        The bytes as they came (compressed if they were).
+    data
+        The text, decompressed.
+    record_start, record_stop
+        Byte offsets, for each line, of its first token and of the end of its last token (comments excluded);
+        equal on blank and comment lines.
+    line_start
+        Byte offsets of the lines, and the length of the text as a last entry.
+    kept
+        Line numbers (from 1) that hold no record of the graph but are kept for the writer: unknown tags, data.
+    comments
+        Line numbers of comments and blank lines.
+    parameter_lines, fix_lines
+        Line numbers of parameter records and FIX commands.
+    first_edge_line
+        Line number before which new vertices are inserted.
+    values
+        The values of the variables as they were read: what differs from them has changed.
+    """
+
+    raw: bytes
+    data: bytes
+    record_start: IndexArray
+    record_stop: IndexArray
+    line_start: IndexArray
+    kept: IndexArray
+    comments: IndexArray
+    parameter_lines: IndexArray
+    fix_lines: IndexArray
+    first_edge_line: int
+    values: Values = field(default_factory=dict)
+
+    def quote(self, line: int) -> str:
+        """The text of a line (numbered from 1)."""
+        start, stop = self.line_start[line - 1], self.line_start[line]
+        return self.data[start:stop].decode("utf-8", "replace").rstrip("\r\n")
+
+    @cached_property
+    def sha256(self) -> str:
+        """Hash of the file as it came."""
+        return hashlib.sha256(self.raw).hexdigest()
+
+
+@dataclass
+class ReadingReport:
+    """What a reader found: nothing is dropped in silence.
+
+    Attributes
+    ----------
+    path
+        As the user named it, ``-`` for standard input.
+    format
+        ``"g2o"`` or ``"toro"``.
+    lines, comments, blank
+        Counts of lines.
+    by_tag
+        Records read, by tag.
+    skipped
+        Records that were not used, by tag (unknown tags, data records).
+    malformed
+        Malformed records that ``--lenient`` skipped: one message each.
+    created
+        Ids of variables that edges name and no vertex record defines, by kind.
+    notes
+        Assumptions and oddities, one sentence each.
+    """
+
+    path: str
+    format: str
+    lines: int = 0
+    comments: int = 0
+    blank: int = 0
+    by_tag: dict[str, int] = field(default_factory=dict)
+    skipped: dict[str, int] = field(default_factory=dict)
+    malformed: list[str] = field(default_factory=list)
+    created: dict[str, list[int]] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    @property
+    def skipped_total(self) -> int:
+        """Number of records that were not used."""
+        return sum(self.skipped.values()) + len(self.malformed)

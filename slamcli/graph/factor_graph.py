@@ -1,0 +1,129 @@
+"""The factor graph: columns of variables by kind and of factors by kind."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from slamcli.errors import UsageError
+from slamcli.graph.columns import BoolArray, Factors, IdArray, Values, Variables
+from slamcli.graph.document import Document, ReadingReport
+from slamcli.models.base import Array
+
+
+@dataclass(eq=False)
+class FactorGraph:
+    """Variables and factors as columns.
+
+    Attributes
+    ----------
+    variables
+        One column for each kind of variable that occurs, by the kind's name.
+    factors
+        One column for each kind of factor and file tag.
+    parameters
+        Constant parameters (sensor offsets) by id, as the files name them.
+    document
+        The text it was read from, None for graphs made in memory.
+    report
+        What the reader found, None for graphs made in memory.
+    """
+
+    variables: dict[str, Variables]
+    factors: list[Factors]
+    parameters: dict[int, Array] = field(default_factory=dict)
+    document: Document | None = None
+    report: ReadingReport | None = None
+
+    @property
+    def values(self) -> Values:
+        """The state: values of all variables by kind. Do not write into the arrays."""
+        return {name: column.values for name, column in self.variables.items()}
+
+    @property
+    def poses(self) -> int:
+        """Number of poses."""
+        return sum(len(column) for column in self.variables.values() if column.kind.is_pose)
+
+    @property
+    def landmarks(self) -> int:
+        """Number of points."""
+        return sum(len(column) for column in self.variables.values() if not column.kind.is_pose)
+
+    @property
+    def edges(self) -> int:
+        """Number of factors, priors included."""
+        return sum(len(column) for column in self.factors)
+
+    @property
+    def space(self) -> int:
+        """2 for planar graphs, 3 for spatial ones (and for mixtures)."""
+        return max((column.kind.space for column in self.variables.values() if len(column)), default=2)
+
+    def chi2(self, values: Values | None = None) -> float:
+        """Sum of e^T Omega e over all factors (no factor of one half), at the graph's values or another state."""
+        state = self.values if values is None else values
+        return math.fsum(float(factors.chi2(state).sum()) for factors in self.factors)
+
+    def edge_chi2(self, values: Values | None = None) -> list[Array]:
+        """e^T Omega e of every factor, one array for each column of factors."""
+        state = self.values if values is None else values
+        return [factors.chi2(state) for factors in self.factors]
+
+    def degrees_of_freedom(self, held: dict[str, BoolArray] | None = None) -> int:
+        """Residual dimensions minus tangent dimensions of the variables that are not held."""
+        rows = sum(len(factors) * factors.kind.dimension for factors in self.factors)
+        free = sum(
+            (len(column) - int(np.count_nonzero(held[name] if held else column.fixed))) * column.kind.dimension
+            for name, column in self.variables.items()
+        )
+        return rows - free
+
+    def with_values(self, values: Values) -> FactorGraph:
+        """A copy at another state; every variable of it then has an estimate."""
+        columns = {
+            name: replace(column, values=values[name], known=np.ones(len(column), dtype=bool))
+            for name, column in self.variables.items()
+        }
+        return replace(self, variables=columns)
+
+    def with_fixed(self, ids: Iterable[int]) -> FactorGraph:
+        """A copy in which the variables of these ids are held as well.
+
+        Raises
+        ------
+        UsageError
+            If an id does not exist.
+        """
+        columns = dict(self.variables)
+        for wanted in ids:
+            found = False
+            for name, column in columns.items():
+                rows = column.rows_of(id_array([wanted]))
+                if rows[0] >= 0:
+                    fixed = column.fixed.copy()
+                    fixed[rows] = True
+                    columns[name] = replace(column, fixed=fixed)
+                    found = True
+            if not found:
+                raise UsageError(f"no variable has the id {wanted}", (self._id_ranges(),))
+        return replace(self, variables=columns)
+
+    def _id_ranges(self) -> str:
+        ranges = (
+            f"{name} {column.ids.min()} to {column.ids.max()}"
+            for name, column in self.variables.items()
+            if len(column)
+        )
+        return "ids in this graph: " + ", ".join(ranges)
+
+
+def id_array(ids: Iterable[int]) -> IdArray:
+    """Ids as int64, or as uint64 where one is 2^63 or more (GTSAM keys are unsigned)."""
+    listed = list(ids)
+    if any(i >= 2**63 for i in listed):
+        return np.array(listed, dtype=np.uint64)
+    return np.array(listed, dtype=np.int64)

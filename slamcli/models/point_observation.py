@@ -1,0 +1,131 @@
+"""A pose observes a point: g2o's EDGE_SE2_XY, EDGE_BEARING_SE2_XY and EDGE_SE3_TRACKXYZ."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slamcli.geometry import se2, se3, so2, so3
+from slamcli.models.base import Array, FactorKind
+from slamcli.models.relative_pose_3d import cross_columns
+from slamcli.models.variables import SE2, SE3, XY, XYZ
+
+
+class PointObservation2D(FactorKind):
+    """e = Xi^-1 l - z: the point in the frame of the pose, in metres (g2o, ``EdgeSE2PointXY``)."""
+
+    name = "point_observation_2d"
+    variables = (SE2, XY)
+    components = ("x", "y")
+    measurement_size = 2
+
+    def place(self, first: Array, measurement: Array, parameter: Array | None) -> Array:
+        """Point = pose applied to the measurement."""
+        return se2.act(first, measurement)
+
+    def residual(self, x: tuple[Array, ...], measurement: Array, parameter: Array | None) -> Array:
+        """Residuals (m, 2) in metres."""
+        return _in_frame_2d(x[0], x[1])[0] - measurement
+
+    def linearize(
+        self, x: tuple[Array, ...], measurement: Array, parameter: Array | None
+    ) -> tuple[Array, tuple[Array, ...]]:
+        """Residuals (m, 2) and Jacobians (m, 2, 3), (m, 2, 2)."""
+        local, cosine, sine = _in_frame_2d(x[0], x[1])
+        jacobian_pose = np.zeros((len(local), 2, 3))
+        jacobian_pose[:, 0, 0] = jacobian_pose[:, 1, 1] = -1.0
+        jacobian_pose[:, 0, 2] = local[:, 1]
+        jacobian_pose[:, 1, 2] = -local[:, 0]
+        jacobian_point = np.empty((len(local), 2, 2))
+        jacobian_point[:, 0, 0] = jacobian_point[:, 1, 1] = cosine
+        jacobian_point[:, 0, 1] = sine
+        jacobian_point[:, 1, 0] = -sine
+        return local - measurement, (jacobian_pose, jacobian_point)
+
+
+class Bearing2D(FactorKind):
+    """e = wrap(z - atan2(y, x)) of the point in the frame of the pose, in radians.
+
+    The sign is g2o's (``EdgeSE2PointXYBearing``), measurement minus prediction. At the pose itself the bearing
+    is undefined: the Jacobian is not finite there, and the solver says so.
+    """
+
+    name = "bearing_2d"
+    variables = (SE2, XY)
+    components = ("bearing",)
+    measurement_size = 1
+
+    def normalize(self, measurement: Array) -> Array:
+        """Wrap the bearing to [-pi, pi)."""
+        return so2.wrap(measurement)
+
+    def residual(self, x: tuple[Array, ...], measurement: Array, parameter: Array | None) -> Array:
+        """Residuals (m, 1) in radians."""
+        local = _in_frame_2d(x[0], x[1])[0]
+        return so2.wrap(measurement - np.arctan2(local[:, 1:], local[:, :1]))
+
+    def linearize(
+        self, x: tuple[Array, ...], measurement: Array, parameter: Array | None
+    ) -> tuple[Array, tuple[Array, ...]]:
+        """Residuals (m, 1) and Jacobians (m, 1, 3), (m, 1, 2)."""
+        local, cosine, sine = _in_frame_2d(x[0], x[1])
+        residual = so2.wrap(measurement - np.arctan2(local[:, 1:], local[:, :1]))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            # gradient of atan2(v, u) is (-v, u) / (u^2 + v^2)
+            u, v = (local / np.square(local).sum(axis=1, keepdims=True)).T
+        jacobian_pose = np.empty((len(local), 1, 3))
+        jacobian_pose[:, 0, 0] = -v
+        jacobian_pose[:, 0, 1] = u
+        jacobian_pose[:, 0, 2] = 1.0
+        jacobian_point = np.empty((len(local), 1, 2))
+        jacobian_point[:, 0, 0] = u * sine + v * cosine
+        jacobian_point[:, 0, 1] = v * sine - u * cosine
+        return residual, (jacobian_pose, jacobian_point)
+
+
+class PointObservation3D(FactorKind):
+    """e = (Xi P)^-1 l - z: the point in the frame of a sensor with offset P on the pose, in metres.
+
+    g2o's ``EdgeSE3PointXYZ``; P is the PARAMS_SE3OFFSET that the edge names.
+    """
+
+    name = "point_observation_3d"
+    variables = (SE3, XYZ)
+    components = ("x", "y", "z")
+    measurement_size = 3
+    parameter = SE3
+
+    def place(self, first: Array, measurement: Array, parameter: Array | None) -> Array:
+        """Point = pose, then sensor offset, applied to the measurement."""
+        assert parameter is not None
+        return se3.act(se3.compose(first, parameter), measurement)
+
+    def residual(self, x: tuple[Array, ...], measurement: Array, parameter: Array | None) -> Array:
+        """Residuals (m, 3) in metres."""
+        assert parameter is not None
+        local = so3.act(so3.inverse(x[0][:, 3:]), x[1] - x[0][:, :3])
+        return so3.act(so3.inverse(parameter[:, 3:]), local - parameter[:, :3]) - measurement
+
+    def linearize(
+        self, x: tuple[Array, ...], measurement: Array, parameter: Array | None
+    ) -> tuple[Array, tuple[Array, ...]]:
+        """Residuals (m, 3) and Jacobians (m, 3, 6), (m, 3, 3)."""
+        assert parameter is not None
+        pose_inverse, offset_inverse = so3.inverse(x[0][:, 3:]), so3.inverse(parameter[:, 3:])
+        local = so3.act(pose_inverse, x[1] - x[0][:, :3])
+        residual = so3.act(offset_inverse, local - parameter[:, :3]) - measurement
+        rotation = so3.to_matrix(offset_inverse)
+        jacobian_pose = np.empty((len(local), 3, 6))
+        np.negative(rotation, out=jacobian_pose[:, :, :3])
+        jacobian_pose[:, :, 3:] = cross_columns(rotation, 2.0 * local)
+        jacobian_point = so3.to_matrix(so3.compose(offset_inverse, pose_inverse))
+        return residual, (jacobian_pose, jacobian_point)
+
+
+def _in_frame_2d(pose: Array, point: Array) -> tuple[Array, Array, Array]:
+    """Point in the frame of the pose (m, 2), and the cosine and sine of the pose's heading."""
+    cosine, sine = np.cos(pose[:, 2]), np.sin(pose[:, 2])
+    dx, dy = point[:, 0] - pose[:, 0], point[:, 1] - pose[:, 1]
+    local = np.empty((len(pose), 2))
+    local[:, 0] = cosine * dx + sine * dy
+    local[:, 1] = cosine * dy - sine * dx
+    return local, cosine, sine

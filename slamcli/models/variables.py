@@ -1,0 +1,58 @@
+"""The variable kinds: planar and spatial poses and points."""
+
+from __future__ import annotations
+
+from slamcli.geometry import se2, se3
+from slamcli.models.base import Array, VariableKind
+
+
+def _translate(values: Array, delta: Array) -> Array:
+    return values + delta
+
+
+def _unchanged(values: Array) -> Array:
+    return values
+
+
+SE2 = VariableKind(
+    name="SE2",
+    size=3,
+    components=("x", "y", "theta"),
+    is_pose=True,
+    space=2,
+    identity=(0.0, 0.0, 0.0),
+    retract=se2.retract,
+    normalize=se2.normalize,
+)
+SE3 = VariableKind(
+    name="SE3",
+    size=7,
+    components=("x", "y", "z", "qx", "qy", "qz"),
+    is_pose=True,
+    space=3,
+    identity=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
+    retract=se3.retract,
+    normalize=se3.normalize,
+)
+XY = VariableKind(
+    name="XY",
+    size=2,
+    components=("x", "y"),
+    is_pose=False,
+    space=2,
+    identity=(0.0, 0.0),
+    retract=_translate,
+    normalize=_unchanged,
+)
+XYZ = VariableKind(
+    name="XYZ",
+    size=3,
+    components=("x", "y", "z"),
+    is_pose=False,
+    space=3,
+    identity=(0.0, 0.0, 0.0),
+    retract=_translate,
+    normalize=_unchanged,
+)
+
+VARIABLE_KINDS: tuple[VariableKind, ...] = (SE2, SE3, XY, XYZ)
