@@ -260,9 +260,7 @@ def from_euler(rpy: Array) -> Array:
         Of either sign.
     """
     half = 0.5 * rpy
-    (cr, cp, cy), (sr, sp, sy) = (
-        (f[..., 0], f[..., 1], f[..., 2]) for f in (np.cos(half), np.sin(half))
-    )
+    (cr, cp, cy), (sr, sp, sy) = unpack(np.cos(half)), unpack(np.sin(half))
     return pack(
         sr * cp * cy - cr * sp * sy,
         cr * sp * cy + sr * cp * sy,

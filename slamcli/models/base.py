@@ -42,6 +42,8 @@ class VariableKind:
         ``(values (n, size), delta (n, dimension)) -> values``; local frame for poses.
     normalize
         Puts values onto the manifold: unit quaternions, angles in [-pi, pi).
+    compose, inverse
+        The group's product and inverse, (n, size) arrays; addition and negation for points.
     """
 
     name: str
@@ -52,6 +54,8 @@ class VariableKind:
     identity: tuple[float, ...]
     retract: Callable[[Array, Array], Array]
     normalize: Callable[[Array], Array]
+    compose: Callable[[Array, Array], Array]
+    inverse: Callable[[Array], Array]
 
     @property
     def dimension(self) -> int:

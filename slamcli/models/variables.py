@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from slamcli.geometry import se2, se3
 from slamcli.models.base import Array, VariableKind
-
-
-def _translate(values: Array, delta: Array) -> Array:
-    return values + delta
 
 
 def _unchanged(values: Array) -> Array:
@@ -23,6 +21,8 @@ SE2 = VariableKind(
     identity=(0.0, 0.0, 0.0),
     retract=se2.retract,
     normalize=se2.normalize,
+    compose=se2.compose,
+    inverse=se2.inverse,
 )
 SE3 = VariableKind(
     name="SE3",
@@ -33,6 +33,8 @@ SE3 = VariableKind(
     identity=(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
     retract=se3.retract,
     normalize=se3.normalize,
+    compose=se3.compose,
+    inverse=se3.inverse,
 )
 XY = VariableKind(
     name="XY",
@@ -41,8 +43,10 @@ XY = VariableKind(
     is_pose=False,
     space=2,
     identity=(0.0, 0.0),
-    retract=_translate,
+    retract=np.add,
     normalize=_unchanged,
+    compose=np.add,
+    inverse=np.negative,
 )
 XYZ = VariableKind(
     name="XYZ",
@@ -51,8 +55,10 @@ XYZ = VariableKind(
     is_pose=False,
     space=3,
     identity=(0.0, 0.0, 0.0),
-    retract=_translate,
+    retract=np.add,
     normalize=_unchanged,
+    compose=np.add,
+    inverse=np.negative,
 )
 
 VARIABLE_KINDS: tuple[VariableKind, ...] = (SE2, SE3, XY, XYZ)

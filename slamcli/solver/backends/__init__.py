@@ -1,0 +1,53 @@
+"""Sparse Cholesky factorizations behind one small protocol, loaded only when they are chosen."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from slamcli.errors import UsageError
+from slamcli.graph.columns import IndexArray
+from slamcli.models.base import Array
+from slamcli.solver.pattern import BlockPattern
+
+
+class NotPositiveDefiniteError(ArithmeticError):
+    """A pivot of the factorization was not positive."""
+
+
+class Factorization(Protocol):
+    """A sparse Cholesky factorization of matrices of one pattern.
+
+    Symbolic analysis happens in the constructor, once; ``factorize`` and ``solve`` reuse it.
+    """
+
+    def factorize(self, values: Array) -> None:
+        """Factorize the matrix of these stored values; raises NotPositiveDefiniteError."""
+
+    def solve(self, rhs: Array) -> Array:
+        """Solution for one right-hand side with the current factor."""
+
+
+def make(name: str, pattern: BlockPattern, permutation: IndexArray) -> Factorization:
+    """The backend of a name for a pattern and an elimination order of its scalar rows.
+
+    Raises
+    ------
+    UsageError
+        If its library is not installed.
+    """
+    if name == "cholmod":
+        from slamcli.solver.backends.cholmod import Cholmod
+
+        return Cholmod(pattern, permutation)
+    if name == "superlu":
+        from slamcli.solver.backends.superlu import SuperLU
+
+        return SuperLU(pattern, permutation)
+    if name == "pardiso":
+        try:
+            from slamcli.solver.backends.pardiso import Pardiso
+        except ImportError:
+            hint = ("  pip install 'slamcli[pardiso]'",)
+            raise UsageError("linear solver pardiso is not installed", hint) from None
+        return Pardiso(pattern, permutation)
+    raise UsageError(f"linear solver {name!r} does not exist")

@@ -1,0 +1,134 @@
+"""Why a linear system cannot be solved: which edge, which variable, which part of the graph."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slamcli.graph import FactorGraph, Factors
+from slamcli.graph.columns import BoolArray
+from slamcli.graph.topology import connected_components, node_offsets, node_pairs
+from slamcli.models.base import Array
+from slamcli.models.information import eigenvalue_range, indefinite
+from slamcli.solver.backends import NotPositiveDefiniteError
+from slamcli.solver.gauge import Held
+from slamcli.solver.linear_system import LinearSystem
+from slamcli.solver.problem import Problem
+
+_SHOWN = 5
+_SHIFTS = (1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2, 1.0)  # of the largest diagonal entry of H
+
+
+def edge_name(graph: FactorGraph, factors: Factors, row: int) -> str:
+    """A factor as its file names it: tag, ids and, if it has one, the line."""
+    ids = " ".join(str(i) for i in factors.variable_ids(graph.variables)[row])
+    line = f" (line {factors.lines[row]})" if len(factors.lines) and factors.lines[row] else ""
+    return f"{factors.tag or factors.kind.name} {ids}{line}"
+
+
+def indefinite_information(graph: FactorGraph) -> tuple[str, tuple[str, ...]] | None:
+    """Reason and details if information matrices are indefinite, which leaves chi2 without a lower bound."""
+    total, details = 0, []
+    for factors in graph.factors:
+        bad = np.flatnonzero(indefinite(factors.information))
+        total += len(bad)
+        if len(bad) == 0:
+            continue
+        low, high = eigenvalue_range(factors.information[bad])
+        worst = np.argsort(low, kind="stable")[:_SHOWN]
+        details.append(f"{len(bad)} of {len(factors)} {factors.tag or factors.kind.name}, the worst:")
+        details += [
+            f"  {edge_name(graph, factors, int(bad[k]))}: eigenvalues from {low[k]:.3g} to {high[k]:.3g}" for k in worst
+        ]
+    if total == 0:
+        return None
+    details.append("the information must be the inverse of a covariance: is its order that of the format,")
+    details.append("upper triangle, row by row? With such edges chi2 has no minimum.")
+    return f"{total} information matrices are indefinite: chi2 is unbounded below", tuple(details)
+
+
+def not_finite(graph: FactorGraph, system: LinearSystem) -> tuple[str, tuple[str, ...]]:
+    """Reason and details if chi2, gradient or H hold a NaN or an infinity."""
+    details = []
+    for factors in graph.factors:
+        with np.errstate(all="ignore"):
+            residual, jacobians = factors.linearize(system.values)
+        bad = ~np.isfinite(residual).all(axis=1)
+        for jacobian in jacobians:
+            bad |= ~np.isfinite(jacobian).all(axis=(1, 2))
+        details += [
+            f"  {edge_name(graph, factors, int(k))}: residual or Jacobian is not finite"
+            for k in np.flatnonzero(bad)[:_SHOWN]
+        ]
+    reason = "chi2 or its derivatives are not finite"
+    return reason, tuple(details) or ("  the values have diverged: try --method lm, or another --init",)
+
+
+def not_positive_definite(
+    graph: FactorGraph, held: Held, problem: Problem, system: LinearSystem
+) -> tuple[str, tuple[str, ...]]:
+    """Reason and details if H is singular or indefinite: a direction in which chi2 does not rise, by its variables."""
+    details = _gauge_freedom(graph, held)
+    direction = _flat_direction(problem, system)
+    if direction is not None:
+        curvature = problem.pattern.quadratic_form(system.hessian, direction)
+        details.append(f"chi2 does not rise (curvature {curvature:.2e}) along a direction that moves mostly:")
+        details += _largest_movers(graph, held, direction)
+    details.append("what helps: --fix ID, a prior, more edges at these variables, or --method lm")
+    return "the Hessian is not positive definite: the edges do not determine all variables", tuple(details)
+
+
+def _gauge_freedom(graph: FactorGraph, held: Held) -> list[str]:
+    """Components that are held by partial priors only."""
+    offsets = node_offsets(graph)
+    nodes = sum(len(column) for column in graph.variables.values())
+    label = connected_components(nodes, node_pairs(graph))
+    count = int(label.max()) + 1
+    anchored = np.zeros(count, dtype=bool)
+    anchored[label[np.concatenate([held[name] for name in graph.variables])]] = True
+    prior_rows = np.zeros(count)
+    for factors in graph.factors:
+        if len(factors.kind.variables) == 1:
+            rows = label[offsets[factors.kind.variables[0].name] + factors.indices[:, 0]]
+            prior_rows += np.bincount(rows, minlength=count) * factors.kind.dimension
+    needed = 6 if graph.space == 3 else 3
+    ids = np.concatenate([column.ids for column in graph.variables.values()])
+    return [
+        f"gauge freedom: the component of {ids[label == k][0]} ({np.count_nonzero(label == k)} variables) is tied to the "
+        f"world by {int(prior_rows[k])} prior dimensions, fewer than {needed}, and nothing in it is held"
+        for k in np.flatnonzero(~anchored & (prior_rows < needed))[:_SHOWN]
+    ]
+
+
+def _flat_direction(problem: Problem, system: LinearSystem) -> Array | None:
+    """Unit vector of the smallest eigenvalue of H, by inverse iteration with the smallest shift that factorizes."""
+    largest = float(problem.diagonal(system).max(initial=0.0)) or 1.0
+    direction = np.random.default_rng(0).standard_normal(len(system.gradient))
+    for shift in _SHIFTS:
+        damping = np.full_like(direction, shift * largest)
+        try:
+            for _ in range(4):
+                probe = LinearSystem(system.values, system.chi2, system.hessian, -direction)
+                direction = problem.solve(probe, damping)
+                direction = direction / np.linalg.norm(direction)
+            return direction
+        except NotPositiveDefiniteError:
+            continue
+    return None
+
+
+def _largest_movers(graph: FactorGraph, held: Held, direction: Array) -> list[str]:
+    """The variables with the largest parts of a direction, with their largest component."""
+    lines: list[tuple[float, str]] = []
+    start = 0
+    for name, column in graph.variables.items():
+        free: BoolArray = ~held[name]
+        dimension = column.kind.dimension
+        stop = start + int(np.count_nonzero(free)) * dimension
+        part = np.abs(direction[start:stop].reshape(-1, dimension))
+        share = np.square(part).sum(axis=1)
+        ids = column.ids[free]
+        for k in np.argsort(-share, kind="stable")[:_SHOWN]:
+            component = column.kind.components[int(part[k].argmax())]
+            lines.append((float(share[k]), f"  {column.kind.name} {ids[k]}, mostly {component} ({share[k]:.0%} of it)"))
+        start = stop
+    return [text for _, text in sorted(lines, key=lambda line: -line[0])[:_SHOWN]]

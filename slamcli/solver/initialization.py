@@ -1,0 +1,180 @@
+"""Where the optimization starts: the file's values, the integrated odometry, or a spanning tree.
+
+Poses are chained along the edges of a tree. The chain of thousands of poses is composed by pointer jumping: in each
+round every pose composes its relative pose with its parent's and takes over the grandparent, so that log2(depth)
+batched compositions suffice.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slamcli.errors import NumericalError
+from slamcli.graph import FactorGraph, Variables
+from slamcli.graph.columns import BoolArray, IndexArray, Values
+from slamcli.models import VariableKind
+from slamcli.models.base import Array
+from slamcli.solver.gauge import Held
+
+
+def initialize(graph: FactorGraph, method: str, held: Held) -> tuple[Values, str]:
+    """Start values for a method of ``options.INITS``, and in words where they come from.
+
+    ``file`` keeps the file's values and chains what the file does not give; the other methods chain every pose
+    from the held ones and hang the landmarks off them.
+
+    Raises
+    ------
+    NumericalError
+        If a variable has no estimate and its edges cannot place it.
+    """
+    missing = sum(int(np.count_nonzero(~column.known)) for column in graph.variables.values())
+    if method == "file" and missing == 0:
+        return graph.values, "values of the file"
+    values = dict(graph.values)
+    placed: dict[str, BoolArray] = {}
+    chain = method == "odometry"
+    for name, column in graph.variables.items():
+        if column.kind.is_pose:
+            roots = column.known if method == "file" else column.known & (column.fixed | held[name])
+            values[name], placed[name] = _chained(graph, column, roots, chain)
+        else:
+            placed[name] = column.known.copy() if method == "file" else np.zeros(len(column), dtype=bool)
+    _place_landmarks(graph, values, placed)
+    _require_all(graph, placed)
+    if method != "file":
+        return values, "integrated odometry" if chain else "spanning tree"
+    return values, f"values of the file; {missing} variables without one placed along a spanning tree"
+
+
+def _chained(graph: FactorGraph, column: Variables, roots: BoolArray, chain: bool) -> tuple[Array, BoolArray]:
+    """Poses chained from the roots (one is chosen in each component without)."""
+    kind = column.kind
+    first, second, relative = _relative_poses(graph, kind)
+    order = np.argsort(column.rank)
+    if chain:
+        first, second, relative = _odometry_first(column.rank, first, second, relative)
+    parent, edge = _breadth_first(len(column), first, second, roots, order.tolist())
+    start = np.where(column.known[:, None], column.values, _from_priors(graph, column))
+    step = np.tile(kind.identity, (len(column), 1))
+    moved = np.flatnonzero(edge >= 0)
+    along = relative[edge[moved]]
+    backward = first[edge[moved]] == moved  # the edge runs from the child to the parent
+    along[backward] = kind.inverse(along[backward])
+    step[moved] = along
+    while True:
+        upper = parent[parent]
+        if np.array_equal(upper, parent):
+            break
+        step = kind.normalize(kind.compose(step[parent], step))
+        parent = upper
+    is_root = edge < 0
+    out = start.copy()
+    out[~is_root] = kind.normalize(kind.compose(start[parent[~is_root]], step[~is_root]))
+    return out, np.ones(len(column), dtype=bool)
+
+
+def _relative_poses(graph: FactorGraph, kind: VariableKind) -> tuple[IndexArray, IndexArray, Array]:
+    """All relative-pose edges of a kind of pose: rows of both poses, and the measured relative pose."""
+    columns = [f for f in graph.factors if f.kind.relative_pose and f.kind.variables[0] is kind]
+    none = np.empty((0, 2), dtype=np.intp)
+    indices = np.concatenate([none, *(f.indices for f in columns)])
+    relative = np.concatenate([np.empty((0, kind.size)), *(f.measurements for f in columns)])
+    return indices[:, 0], indices[:, 1], relative
+
+
+def _odometry_first(
+    rank: IndexArray, first: IndexArray, second: IndexArray, relative: Array
+) -> tuple[IndexArray, IndexArray, Array]:
+    """The edges of a forest that takes the edges between neighbouring ids before all others (Kruskal)."""
+    off_chain = np.abs(rank[first] - rank[second]) != 1
+    order = np.argsort(off_chain, kind="stable")
+    root = list(range(len(rank)))
+    chosen = []
+    for k, a, b in zip(order.tolist(), first[order].tolist(), second[order].tolist(), strict=True):
+        while root[a] != a:
+            root[a] = a = root[root[a]]
+        while root[b] != b:
+            root[b] = b = root[root[b]]
+        if a != b:
+            root[a] = b
+            chosen.append(k)
+    return first[chosen], second[chosen], relative[chosen]
+
+
+def _breadth_first(
+    nodes: int, first: IndexArray, second: IndexArray, roots: BoolArray, order: list[int]
+) -> tuple[IndexArray, IndexArray]:
+    """Parent of each node (roots: themselves) and the edge to it (roots: -1), breadth first from all roots at once.
+
+    Nodes that no root reaches start trees of their own, in the given order.
+    """
+    ends = np.concatenate([first, second])
+    by_end = np.argsort(ends, kind="stable")
+    pointer = np.concatenate([[0], np.cumsum(np.bincount(ends, minlength=nodes))]).tolist()
+    neighbours = np.concatenate([second, first])[by_end].tolist()
+    edges = (by_end % max(len(first), 1)).tolist()
+    parent, edge = [-1] * nodes, [-1] * nodes
+    queue = np.flatnonzero(roots).tolist()
+    for root in queue:
+        parent[root] = root
+    seeds = iter(order)
+    while True:
+        for node in queue:  # grows while it is walked: a breadth-first queue
+            for k in range(pointer[node], pointer[node + 1]):
+                other = neighbours[k]
+                if parent[other] < 0:
+                    parent[other], edge[other] = node, edges[k]
+                    queue.append(other)
+        seed = next((node for node in seeds if parent[node] < 0), None)
+        if seed is None:
+            return np.array(parent, dtype=np.intp), np.array(edge, dtype=np.intp)
+        parent[seed] = seed
+        queue = [seed]
+
+
+def _from_priors(graph: FactorGraph, column: Variables) -> Array:
+    """Values at the variables' priors where these determine one, the identity elsewhere."""
+    out = np.tile(column.kind.identity, (len(column), 1))
+    for factors in graph.factors:
+        if factors.kind.variables == (column.kind,):
+            rows = factors.indices[:, 0]
+            value = factors.kind.place(out[rows], factors.measurements, factors.parameters)
+            if value is not None:
+                out[rows] = value
+    return out
+
+
+def _place_landmarks(graph: FactorGraph, values: Values, placed: dict[str, BoolArray]) -> None:
+    """Hang the landmarks that are not placed off the poses that see them, by the first factor that can."""
+    for factors in graph.factors:
+        last = factors.kind.variables[-1]
+        if last.is_pose:
+            continue
+        rows = factors.indices[:, -1]
+        source = placed[factors.kind.variables[0].name][factors.indices[:, 0]] if len(factors.kind.variables) == 2 else True
+        use = np.flatnonzero(~placed[last.name][rows] & source)
+        use = use[np.unique(rows[use], return_index=True)[1]]
+        if len(use) == 0:
+            continue
+        first = values[factors.kind.variables[0].name][factors.indices[use, 0]]
+        parameters = None if factors.parameters is None else factors.parameters[use]
+        value = factors.kind.place(first, factors.measurements[use], parameters)
+        if value is not None:
+            changed = values[last.name].copy()
+            changed[rows[use]] = value
+            values[last.name] = changed
+            placed[last.name][rows[use]] = True
+
+
+def _require_all(graph: FactorGraph, placed: dict[str, BoolArray]) -> None:
+    """Every variable needs a start: its own from the file, or a place."""
+    for name, column in graph.variables.items():
+        lost = ~placed[name] & ~column.known
+        if lost.any():
+            ids = ", ".join(str(i) for i in column.ids[lost][:5])
+            more = ", ..." if lost.sum() > 5 else ""
+            raise NumericalError(
+                f"{lost.sum()} landmarks have no estimate and no edge that determines one: {ids}{more}",
+                ("  bearings alone do not place a point: give vertices for them",),
+            )

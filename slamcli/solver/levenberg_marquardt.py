@@ -1,0 +1,72 @@
+"""Levenberg-Marquardt with g2o's control of the damping.
+
+(H + lambda D) delta = -g with D = I, or the diagonal of H with Marquardt scaling. With rho the actual decrease of
+chi2 over the predicted one (Nielsen 1999, as in g2o's ``OptimizationAlgorithmLevenberg``):
+
+* accepted (rho > 0): lambda *= max(1/3, min(2/3, 1 - (2 rho - 1)^3)), nu = 2
+* rejected: lambda *= nu, nu *= 2; at most ten trials in one iteration
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slamcli.solver.backends import NotPositiveDefiniteError
+from slamcli.solver.linear_system import LinearSystem
+from slamcli.solver.problem import Problem
+from slamcli.solver.steps import Step
+
+_INITIAL = 1e-5  # of the largest diagonal entry of H, as in g2o
+_TRIALS = 10
+
+
+class LevenbergMarquardt:
+    """Damped steps that never raise chi2.
+
+    Parameters
+    ----------
+    marquardt_scaling
+        Damp in proportion to the diagonal of H.
+    """
+
+    def __init__(self, marquardt_scaling: bool = False) -> None:
+        self._scaled = marquardt_scaling
+        self._lambda = 0.0
+        self._nu = 2.0
+
+    def step(self, problem: Problem, now: LinearSystem) -> Step:
+        """Try steps with rising damping until one lowers chi2."""
+        diagonal = problem.diagonal(now)
+        scale = diagonal if self._scaled else np.ones_like(diagonal)
+        if self._lambda == 0.0:
+            self._lambda = _INITIAL if self._scaled else _INITIAL * float(diagonal.max(initial=0.0))
+        delta, values, rho, solved = np.zeros_like(diagonal), now.values, -1.0, False
+        for trials in range(1, _TRIALS + 1):
+            damping = self._lambda * scale
+            try:
+                delta = problem.solve(now, damping)
+                solved = True
+                values = problem.retract(now.values, delta)
+                predicted = float(delta @ (damping * delta - now.gradient))
+                decrease = now.chi2 - problem.chi2(values)
+                rho = decrease / predicted if predicted > 0.0 and np.isfinite(decrease) else -1.0
+            except NotPositiveDefiniteError:
+                rho = -1.0
+            if rho > 0.0:
+                break
+            self._lambda *= self._nu
+            self._nu *= 2.0
+        if not solved:
+            raise NotPositiveDefiniteError("H is not positive definite under any damping that was tried")
+        if rho > 0.0:
+            self._lambda *= max(1.0 / 3.0, min(2.0 / 3.0, 1.0 - (2.0 * rho - 1.0) ** 3))
+            self._nu = 2.0
+        return Step(
+            system=problem.linearize(values) if rho > 0.0 else now,
+            norm=float(np.linalg.norm(delta)),
+            largest=float(np.abs(delta).max(initial=0.0)),
+            damping=self._lambda,
+            trials=trials,
+            accepted=rho > 0.0,
+            kind="damped",
+        )

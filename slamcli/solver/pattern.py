@@ -1,0 +1,202 @@
+"""The block pattern of the Hessian and its expansion to a compressed-column matrix: built once, filled many times.
+
+Only blocks on and above the diagonal are stored, each as a dense block; the blocks of a column are stacked, so that
+all scalar columns of a block column have the same rows. Diagonal blocks are stored in full, although the
+factorizations read only their upper triangles.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from slamcli.graph import FactorGraph
+from slamcli.graph.columns import IndexArray
+from slamcli.models.base import Array
+from slamcli.solver.gauge import Held
+
+
+@dataclass(frozen=True, eq=False)
+class BlockPattern:
+    """Upper block pattern of a symmetric matrix.
+
+    Attributes
+    ----------
+    sizes
+        (n,) rows of each block variable.
+    rows, columns
+        (e,) block coordinates of the stored blocks, ``rows <= columns``, sorted by column, then row.
+    """
+
+    sizes: IndexArray
+    rows: IndexArray
+    columns: IndexArray
+
+    @cached_property
+    def offsets(self) -> IndexArray:
+        """(n + 1,) first scalar row of each block variable, and the dimension."""
+        return np.concatenate([[0], np.cumsum(self.sizes)])
+
+    @property
+    def dimension(self) -> int:
+        """Scalar rows."""
+        return int(self.offsets[-1])
+
+    @cached_property
+    def heights(self) -> IndexArray:
+        """(n,) stored scalar rows of each block column."""
+        return np.bincount(self.columns, self.sizes[self.rows], minlength=len(self.sizes)).astype(np.intp)
+
+    @cached_property
+    def base(self) -> IndexArray:
+        """(e,) position of the first entry of each block in the array of values."""
+        column_start = np.concatenate([[0], np.cumsum(self.heights * self.sizes)])
+        stacked = np.concatenate([[0], np.cumsum(self.sizes[self.rows])])
+        first = np.concatenate([[0], np.cumsum(np.bincount(self.columns, minlength=len(self.sizes)))])
+        return column_start[self.columns] + stacked[:-1] - stacked[first[self.columns]]
+
+    @cached_property
+    def stored(self) -> int:
+        """Number of stored values."""
+        return int((self.heights * self.sizes).sum())
+
+    @property
+    def nnz(self) -> int:
+        """Nonzeros of the upper triangle, diagonal included."""
+        return self.stored - int((self.sizes * (self.sizes - 1) // 2).sum())
+
+    @cached_property
+    def scalar_columns(self) -> IndexArray:
+        """(stored,) scalar column of each stored value."""
+        return np.repeat(np.arange(self.dimension), np.repeat(self.heights, self.sizes))
+
+    @cached_property
+    def scalar_rows(self) -> IndexArray:
+        """(stored,) scalar row of each stored value."""
+        sizes = self.sizes[self.rows]
+        within = np.arange(int(sizes.sum())) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+        one_column = np.repeat(self.offsets[self.rows], sizes) + within  # rows of one scalar column of each block column
+        start = np.concatenate([[0], np.cumsum(self.heights)])[:-1]
+        return one_column[_repeated_ranges(start, self.heights, self.sizes)]
+
+    @cached_property
+    def diagonal(self) -> IndexArray:
+        """(dimension,) positions of the diagonal entries in the array of values."""
+        blocks = np.flatnonzero(self.rows == self.columns)
+        sizes, heights = self.sizes[self.columns[blocks]], self.heights[self.columns[blocks]]
+        within = np.arange(self.dimension) - np.repeat(self.offsets[:-1], sizes)
+        return np.repeat(self.base[blocks], sizes) + within * (np.repeat(heights, sizes) + 1)
+
+    @cached_property
+    def weight(self) -> Array:
+        """(stored,) how often each stored value counts in the full symmetric matrix: 2 off the diagonal blocks."""
+        on_diagonal = np.repeat(self.rows == self.columns, self.sizes[self.rows])
+        start = np.concatenate([[0], np.cumsum(self.heights)])[:-1]
+        return np.where(on_diagonal[_repeated_ranges(start, self.heights, self.sizes)], 1.0, 2.0)
+
+    def quadratic_form(self, values: Array, x: Array) -> float:
+        """x^T H x for the matrix of these stored values."""
+        return float(np.dot(self.weight * values, x[self.scalar_rows] * x[self.scalar_columns]))
+
+
+def _repeated_ranges(start: IndexArray, length: IndexArray, times: IndexArray) -> IndexArray:
+    """The ranges ``start[k] : start[k] + length[k]``, each repeated ``times[k]`` times, one after the other."""
+    start, length = np.repeat(start, times), np.repeat(length, times)
+    ends = np.cumsum(length)
+    return np.arange(int(ends[-1]) if len(ends) else 0) + np.repeat(start - ends + length, length)
+
+
+@dataclass(frozen=True, eq=False)
+class Scatter:
+    """Where the contributions of all factors go.
+
+    The contributions are laid out one after the other in two buffers, for H and for the gradient; ``np.bincount``
+    over the targets adds them up. What belongs to held variables goes to one extra bin.
+
+    Attributes
+    ----------
+    hessian, gradient
+        Target of each entry of the buffers.
+    """
+
+    hessian: IndexArray
+    gradient: IndexArray
+
+
+def build(graph: FactorGraph, held: Held) -> tuple[BlockPattern, Scatter]:
+    """Block pattern of the Hessian of a graph, and where each factor's contributions go in it.
+
+    Block variables are the free variables, kind by kind in the order of the graph's columns. The contributions of a
+    column of factors are, in this order, the blocks J_s^T Omega J_t of its slots s <= t, each (m, d_s, d_t).
+    """
+    number, sizes = _block_numbers(graph, held)
+    count = len(sizes)
+    keys = []
+    for factors in graph.factors:
+        blocks = [number[kind.name][factors.indices[:, s]] for s, kind in enumerate(factors.kind.variables)]
+        for s, t, low, high, use in _slot_pairs(blocks):
+            keys.append(np.where(use, high * count + low, -1))
+    keys.append(np.arange(count) * (count + 1))  # every free variable has a diagonal block
+    unique, inverse = np.unique(np.concatenate(keys), return_inverse=True)
+    skipped = int(len(unique) > 0 and unique[0] < 0)
+    columns, rows = np.divmod(unique[skipped:], max(count, 1))
+    pattern = BlockPattern(sizes, rows, columns)
+    entry = np.split(inverse - skipped, np.cumsum([len(k) for k in keys])[:-1])
+    return pattern, _scatter(graph, pattern, number, entry)
+
+
+def _block_numbers(graph: FactorGraph, held: Held) -> tuple[dict[str, IndexArray], IndexArray]:
+    """Number of each variable's block (-1 if held), by kind, and the sizes of all blocks."""
+    number, sizes, total = {}, [], 0
+    for name, column in graph.variables.items():
+        free = ~held[name]
+        blocks = np.full(len(column), -1, dtype=np.intp)
+        blocks[free] = total + np.arange(np.count_nonzero(free))
+        total += int(np.count_nonzero(free))
+        number[name] = blocks
+        sizes.append(np.full(np.count_nonzero(free), column.kind.dimension, dtype=np.intp))
+    return number, np.concatenate(sizes)
+
+
+def _slot_pairs(blocks: list[IndexArray]) -> list[tuple[int, int, IndexArray, IndexArray, IndexArray]]:
+    """For each pair of slots s <= t: lower and higher block, and which factors contribute.
+
+    A factor that joins a variable with itself is constant for relative measurements; it contributes nothing.
+    """
+    proper = np.ones(len(blocks[0]), dtype=bool)
+    for s in range(len(blocks)):
+        for t in range(s):
+            proper &= blocks[s] != blocks[t]
+    pairs = []
+    for s in range(len(blocks)):
+        for t in range(s, len(blocks)):
+            use = proper & (blocks[s] >= 0) & (blocks[t] >= 0) if t > s or len(blocks) > 1 else blocks[s] >= 0
+            pairs.append((s, t, np.minimum(blocks[s], blocks[t]), np.maximum(blocks[s], blocks[t]), use))
+    return pairs
+
+
+def _scatter(
+    graph: FactorGraph, pattern: BlockPattern, number: dict[str, IndexArray], entry: list[IndexArray]
+) -> Scatter:
+    hessian, gradient, k = [np.empty(0, np.intp)], [np.empty(0, np.intp)], 0
+    for factors in graph.factors:
+        kinds = factors.kind.variables
+        blocks = [number[kind.name][factors.indices[:, s]] for s, kind in enumerate(kinds)]
+        for s, t, _, high, use in _slot_pairs(blocks):
+            a = np.arange(kinds[s].dimension)[None, :, None]
+            b = np.arange(kinds[t].dimension)[None, None, :]
+            height = pattern.heights[high][:, None, None]
+            # the block as it stands if slot s comes first in H, else its transpose
+            flipped = (blocks[s] > blocks[t])[:, None, None]
+            row, column = np.where(flipped, b, a), np.where(flipped, a, b)
+            target = pattern.base[entry[k]][:, None, None] + column * height + row
+            target[~use] = pattern.stored
+            hessian.append(target.ravel())
+            k += 1
+        for s, kind in enumerate(kinds):
+            target = pattern.offsets[blocks[s]][:, None] + np.arange(kind.dimension)
+            target[blocks[s] < 0] = pattern.dimension
+            gradient.append(target.ravel())
+    return Scatter(np.concatenate(hessian), np.concatenate(gradient))

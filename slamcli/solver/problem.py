@@ -1,0 +1,97 @@
+"""The four steps that every method is made of: linearize, factorize, solve, retract."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from slamcli.graph import FactorGraph
+from slamcli.graph.columns import Values
+from slamcli.models.base import Array
+from slamcli.solver import backends, ordering, symbolic
+from slamcli.solver.gauge import Held
+from slamcli.solver.linear_system import Linearizer, LinearSystem
+from slamcli.solver.options import OptimizeOptions
+from slamcli.solver.result import Sparsity
+from slamcli.solver.stopwatch import Stopwatch
+
+
+class Problem:
+    """One graph with its gauge, pattern, elimination order and symbolic factorization: all that is made once.
+
+    Parameters
+    ----------
+    graph
+        The graph.
+    held
+        Which variables do not move.
+    options
+        Ordering and linear solver.
+    stopwatch
+        Where the time goes.
+    """
+
+    def __init__(self, graph: FactorGraph, held: Held, options: OptimizeOptions, stopwatch: Stopwatch) -> None:
+        self.stopwatch = stopwatch
+        self.options = options
+        with stopwatch.phase("pattern"):
+            self._linearizer = Linearizer(graph, held, stopwatch)
+        self.pattern = self._linearizer.pattern
+        with stopwatch.phase("order"):
+            self._block_order = ordering.order(options.ordering, self.pattern)
+        with stopwatch.phase("analyze"):
+            permutation = ordering.expand(self.pattern, self._block_order)
+            self._factorization = backends.make(options.linear_solver, self.pattern, permutation)
+
+    def linearize(self, values: Values) -> LinearSystem:
+        """chi2, gradient and H at a state."""
+        return self._linearizer.linearize(values)
+
+    def chi2(self, values: Values) -> float:
+        """chi2 at a state."""
+        return self._linearizer.chi2(values)
+
+    def retract(self, values: Values, delta: Array) -> Values:
+        """The state after a tangent step."""
+        return self._linearizer.retract(values, delta)
+
+    def solve(self, system: LinearSystem, damping: Array | None = None) -> Array:
+        """The step (H + diag(damping)) delta = -gradient.
+
+        Raises
+        ------
+        NotPositiveDefiniteError
+            If the matrix is not positive definite.
+        """
+        hessian = system.hessian
+        if damping is not None:
+            hessian = hessian.copy()
+            hessian[self.pattern.diagonal] += damping
+        with self.stopwatch.phase("factorize"):
+            self._factorization.factorize(hessian)
+        with self.stopwatch.phase("solve"):
+            return self._factorization.solve(-system.gradient)
+
+    def diagonal(self, system: LinearSystem) -> Array:
+        """Diagonal of H."""
+        return system.hessian[self.pattern.diagonal]
+
+    def model_decrease(self, system: LinearSystem, delta: Array) -> float:
+        """Decrease of chi2 that the quadratic model predicts for a step: -2 g^T delta - delta^T H delta."""
+        return -2.0 * float(system.gradient @ delta) - self.pattern.quadratic_form(system.hessian, delta)
+
+    @cached_property
+    def sparsity(self) -> Sparsity:
+        """Sparsity of H and of its factor, by symbolic analysis."""
+        analysis = symbolic.analyze(self.pattern, self._block_order)
+        dimension, nnz = self.pattern.dimension, self.pattern.nnz
+        return Sparsity(
+            dimension=dimension,
+            nnz_hessian=nnz,
+            nnz_factor=analysis.nnz_factor,
+            fill_in=analysis.nnz_factor / max(nnz, 1),
+            factor_flops=analysis.flops,
+            ordering=self.options.ordering,
+            density=(2 * nnz - dimension) / max(np.square(float(dimension)), 1.0),
+        )

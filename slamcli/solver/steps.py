@@ -1,0 +1,59 @@
+"""What the step policies share: the outcome of one iteration, and what a policy is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from slamcli.solver.linear_system import LinearSystem
+from slamcli.solver.options import OptimizeOptions
+from slamcli.solver.problem import Problem
+
+
+@dataclass(frozen=True, eq=False)
+class Step:
+    """Outcome of one iteration.
+
+    Attributes
+    ----------
+    system
+        Linearized at the new state; the old one if no step was accepted.
+    norm
+        Euclidean norm of the last step tried.
+    largest
+        Its largest component.
+    damping
+        See ``IterationRecord.damping``.
+    trials
+        Steps that were tried.
+    accepted
+        Whether the last one was taken.
+    kind
+        See ``IterationRecord.step``.
+    """
+
+    system: LinearSystem
+    norm: float
+    largest: float
+    damping: float | None
+    trials: int
+    accepted: bool
+    kind: str
+
+
+class Policy(Protocol):
+    """How a method moves from one linearized state to the next."""
+
+    def step(self, problem: Problem, now: LinearSystem) -> Step:
+        """One iteration; raises NotPositiveDefiniteError where the method needs a positive definite H."""
+
+
+def make(options: OptimizeOptions) -> Policy:
+    """The policy of a method of ``options.METHODS``."""
+    from slamcli.solver.dogleg import Dogleg
+    from slamcli.solver.gauss_newton import GaussNewton
+    from slamcli.solver.levenberg_marquardt import LevenbergMarquardt
+
+    if options.method == "lm":
+        return LevenbergMarquardt(marquardt_scaling=options.scaling == "marquardt")
+    return {"gn": GaussNewton, "dogleg": Dogleg}[options.method]()

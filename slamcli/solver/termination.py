@@ -1,0 +1,99 @@
+"""When an optimization ends: one test for all methods, which says its reason in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from slamcli.solver.options import OptimizeOptions
+from slamcli.solver.result import Status
+from slamcli.solver.steps import Step
+
+#: A decrease below this share of chi2 (or of the chi2 at the start) is rounding.
+_ROUNDING = 1e-14
+#: The decrease still to come is extrapolated only from steps that already change chi2 by less than this share of it.
+_NEAR = 1e-3
+#: No variable moved by more than this (metres, radians): nothing is left to gain in double precision.
+_SMALLEST_STEP = 1e-12
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """That and why a run ends."""
+
+    status: Status
+    reason: str
+
+
+class Termination:
+    """Watches chi2, gradient and steps.
+
+    chi2 converges at least linearly near a minimum: with d the last two decreases and r = d_k / d_(k-1), what is
+    still to come is about d_k r / (1 - r) (Aitken). Where Gauss-Newton converges quadratically, this sees one
+    iteration earlier than the last decrease itself that there is nothing left to gain; on a slow tail it does not
+    stop too early.
+
+    Parameters
+    ----------
+    options
+        Tolerance and budgets.
+    initial_chi2
+        At the start.
+    """
+
+    def __init__(self, options: OptimizeOptions, initial_chi2: float) -> None:
+        self._options = options
+        self._initial = initial_chi2
+        self._previous = 0.0
+
+    def at_start(self, gradient_norm: float, dimension: int) -> Verdict | None:
+        """Whether there is nothing to do."""
+        if dimension == 0:
+            return Verdict(Status.CONVERGED, "all variables are held: nothing to optimize")
+        if gradient_norm == 0.0:
+            return Verdict(Status.CONVERGED, "the gradient is zero at the start")
+        if self._options.max_iterations == 0:
+            return Verdict(Status.NOT_CONVERGED, "no iterations allowed")
+        return None
+
+    def after(self, step: Step, decrease: float, iterations: int, seconds: float) -> Verdict | None:
+        """Whether a run ends after an iteration that lowered chi2 by ``decrease``."""
+        verdict = self._converged(step, decrease)
+        if verdict is not None:
+            return verdict
+        if step.accepted:
+            self._previous = decrease
+        options = self._options
+        if iterations >= options.max_iterations:
+            return Verdict(Status.NOT_CONVERGED, f"{iterations} iterations used up")
+        if options.time_limit is not None and seconds >= options.time_limit:
+            return Verdict(Status.NOT_CONVERGED, f"time limit of {options.time_limit:g} s used up")
+        return None
+
+    def _converged(self, step: Step, decrease: float) -> Verdict | None:
+        chi2, tolerance = step.system.chi2, self._options.tolerance
+        if step.system.gradient_norm == 0.0:
+            return Verdict(Status.CONVERGED, "the gradient is zero")
+        if step.largest <= _SMALLEST_STEP:
+            return Verdict(Status.CONVERGED, f"no variable moved by more than {_SMALLEST_STEP:g}")
+        if not step.accepted:
+            return self._stuck(step, tolerance)
+        if abs(decrease) <= max(_ROUNDING * chi2, _ROUNDING**1.2 * self._initial):
+            return Verdict(Status.CONVERGED, "chi2 changes by no more than rounding")
+        if abs(decrease) <= tolerance * chi2:
+            share = abs(decrease) / chi2
+            return Verdict(Status.CONVERGED, f"relative change of chi2 {share:.1e} is below {tolerance:.0e}")
+        if 0.0 < decrease < min(self._previous, _NEAR * chi2):
+            ratio = decrease / self._previous
+            to_come = decrease * ratio / (1.0 - ratio) / chi2
+            if to_come <= tolerance:
+                reason = f"relative decrease of chi2 still to come {to_come:.1e} (extrapolated) is below {tolerance:.0e}"
+                return Verdict(Status.CONVERGED, reason)
+        return None
+
+    def _stuck(self, step: Step, tolerance: float) -> Verdict:
+        """No step of any length lowers chi2: a minimum as far as rounding shows, or a failure to find a descent."""
+        bound = max(tolerance, _ROUNDING) * step.system.chi2
+        gain = step.norm * step.system.gradient_norm
+        if gain <= bound:
+            return Verdict(Status.CONVERGED, f"no step lowers chi2; at most {gain:.1e} is left to gain")
+        return Verdict(Status.NOT_CONVERGED, f"no step lowers chi2 after {step.trials} trials")
