@@ -72,9 +72,8 @@ def wrap(xi: Array) -> Array:
     out += 0.0  # of -0.0 makes 0.0: an angle -0.0 is to stay what it is
     out *= TAU
     np.subtract(xi, out, out=out)
-    # Halves are rounded to the even number, and a quotient may be rounded to a half.
-    if not _in_range(out, PI):
-        out = np.where(out >= PI, out - TAU, np.where(out < -PI, out + TAU, out))
+    # Halves are rounded to the even number: odd multiples of pi end at either end.
+    np.copyto(out, -PI, where=out == PI)
     return out
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 from slamcli.errors import InputError, NumericalError
@@ -119,7 +120,10 @@ class _Run:
                 return self._failed(problem, now, initial, diagnosis.not_finite(self.graph, step.system))
             decrease, now = now.chi2 - step.system.chi2, step.system
             self._record(step, decrease, time.perf_counter() - start)
-            verdict = termination.after(step, decrease, len(self.trace), time.perf_counter() - began)
+            seconds = time.perf_counter() - began
+            verdict = termination.after(
+                step, decrease, len(self.trace), seconds, partial(problem.newton_decrement, now)
+            )
             if verdict is None and self.interrupted():
                 verdict = Verdict(Status.INTERRUPTED, f"interrupted after {len(self.trace)} iterations")
         return self._ended(problem, now.values, initial, now.chi2, verdict, ())

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from slamcli.solver.options import OptimizeOptions
 from slamcli.solver.result import Status
 from slamcli.solver.steps import Step
 
-#: A decrease below this share of chi2 (or of the chi2 at the start) is rounding.
-_ROUNDING = 1e-14
+#: A decrease below this share of chi2, or below that share of chi2 at the start, is rounding.
+_ROUNDING, _ROUNDING_AT_START = 1e-14, 1e-17
+#: A verdict on damped steps stands if the full step promises no more than this times the tolerance.
+_CONFIRM = 10.0
 #: The decrease still to come is extrapolated only from steps that already change chi2 by less than this share of it.
 _NEAR = 1e-3
 #: No variable moved by more than this (metres, radians): nothing is left to gain in double precision.
@@ -55,9 +58,20 @@ class Termination:
             return Verdict(Status.NOT_CONVERGED, "no iterations allowed")
         return None
 
-    def after(self, step: Step, decrease: float, iterations: int, seconds: float) -> Verdict | None:
-        """Whether a run ends after an iteration that lowered chi2 by ``decrease``."""
+    def after(
+        self, step: Step, decrease: float, iterations: int, seconds: float, model_decrease: Callable[[], float]
+    ) -> Verdict | None:
+        """Whether a run ends after an iteration that lowered chi2 by ``decrease``.
+
+        Damped and cut steps can be short far from any minimum. What they seem to show must be confirmed by
+        ``model_decrease``, the decrease that the full Gauss-Newton step promises from here.
+        """
         verdict = self._converged(step, decrease)
+        if verdict is not None and step.kind != "gauss-newton":
+            promised = model_decrease() / step.system.chi2
+            if promised > _CONFIRM * self._options.tolerance:
+                stuck = Verdict(Status.NOT_CONVERGED, f"no step lowers chi2 after {step.trials} trials")
+                verdict = None if step.accepted else stuck
         if verdict is not None:
             return verdict
         if step.accepted:
@@ -73,27 +87,19 @@ class Termination:
         chi2, tolerance = step.system.chi2, self._options.tolerance
         if step.system.gradient_norm == 0.0:
             return Verdict(Status.CONVERGED, "the gradient is zero")
+        if not step.accepted:
+            return Verdict(Status.CONVERGED, f"no step lowers chi2 after {step.trials} trials, and none promises to")
         if step.largest <= _SMALLEST_STEP:
             return Verdict(Status.CONVERGED, f"no variable moved by more than {_SMALLEST_STEP:g}")
-        if not step.accepted:
-            return self._stuck(step, tolerance)
-        if abs(decrease) <= max(_ROUNDING * chi2, _ROUNDING**1.2 * self._initial):
+        if abs(decrease) <= max(_ROUNDING * chi2, _ROUNDING_AT_START * self._initial):
             return Verdict(Status.CONVERGED, "chi2 changes by no more than rounding")
         if abs(decrease) <= tolerance * chi2:
             share = abs(decrease) / chi2
             return Verdict(Status.CONVERGED, f"relative change of chi2 {share:.1e} is below {tolerance:.0e}")
-        if 0.0 < decrease < min(self._previous, _NEAR * chi2):
+        if step.kind == "gauss-newton" and 0.0 < decrease < min(self._previous, _NEAR * chi2):
             ratio = decrease / self._previous
             to_come = decrease * ratio / (1.0 - ratio) / chi2
             if to_come <= tolerance:
                 reason = f"relative decrease of chi2 still to come {to_come:.1e} (extrapolated) is below {tolerance:.0e}"
                 return Verdict(Status.CONVERGED, reason)
         return None
-
-    def _stuck(self, step: Step, tolerance: float) -> Verdict:
-        """No step of any length lowers chi2: a minimum as far as rounding shows, or a failure to find a descent."""
-        bound = max(tolerance, _ROUNDING) * step.system.chi2
-        gain = step.norm * step.system.gradient_norm
-        if gain <= bound:
-            return Verdict(Status.CONVERGED, f"no step lowers chi2; at most {gain:.1e} is left to gain")
-        return Verdict(Status.NOT_CONVERGED, f"no step lowers chi2 after {step.trials} trials")

@@ -18,6 +18,8 @@ from slamcli.geometry import se2, se3, so2, so3
 Array = NDArray[np.float64]
 Long = NDArray[np.longdouble]
 
+pytestmark = pytest.mark.filterwarnings("error")
+
 PI = float(np.pi)
 ANGLES = [
     *(0.0, 1e-200, 1e-12, 1e-10, 1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 0.5),

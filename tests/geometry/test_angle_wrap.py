@@ -14,6 +14,8 @@ from slamcli.geometry import so2
 
 Array = NDArray[np.float64]
 
+pytestmark = pytest.mark.filterwarnings("error")
+
 PI = float(np.pi)
 BELOW_PI = float(np.nextafter(PI, 0))
 quick = settings(max_examples=200, deadline=None, derandomize=True)

@@ -9,6 +9,8 @@ from numpy.testing import assert_allclose
 
 from slamcli.geometry import se2, se3, so2, so3
 
+pytestmark = pytest.mark.filterwarnings("error")
+
 PI = float(np.pi)
 ROOT = np.sqrt(0.5)
 # At (1, 2), looking along +y.

@@ -18,6 +18,8 @@ from slamcli.geometry import se2, se3, so2, so3
 
 Array = NDArray[np.float64]
 
+pytestmark = pytest.mark.filterwarnings("error")
+
 GROUPS = (so2, se2, so3, se3)
 POINT = {so2: 2, se2: 2, so3: 3, se3: 3}
 TRANSLATION = {so2: 0, se2: 2, so3: 0, se3: 3}

@@ -14,6 +14,8 @@ from slamcli.geometry import se3, so3
 
 Array = NDArray[np.float64]
 
+pytestmark = pytest.mark.filterwarnings("error")
+
 PI = float(np.pi)
 quick = settings(max_examples=100, deadline=None, derandomize=True)
 AXES = np.array(

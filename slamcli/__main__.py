@@ -1,0 +1,7 @@
+"""``python -m slamcli``."""
+
+import sys
+
+from slamcli.cli.main import main
+
+sys.exit(main())

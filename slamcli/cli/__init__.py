@@ -1,0 +1,1 @@
+"""The command line: one small file for each subcommand, loaded when it is called."""

@@ -1,0 +1,115 @@
+"""Entry point: turns errors into messages and exit codes, and loads subcommands when they are called."""
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import TYPE_CHECKING
+
+from slamcli.cli.commands import COMMANDS, help_text, version_text
+from slamcli.errors import ExitCode, SlamcliError
+
+if TYPE_CHECKING:
+    import click
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line and return its exit code.
+
+    Parameters
+    ----------
+    arguments
+        Words behind ``slamcli``; those of the process if None.
+    """
+    words = sys.argv[1:] if arguments is None else arguments
+    try:
+        return _run(words)
+    except SlamcliError as error:
+        _say_error(error.message, error.details)
+        return int(error.exit_code)
+    except BrokenPipeError:
+        _silence_stdout()
+        return int(ExitCode.BROKEN_PIPE)
+    except KeyboardInterrupt:
+        print("slamcli: interrupted", file=sys.stderr)
+        return int(ExitCode.INTERRUPTED)
+
+
+def _run(words: list[str]) -> int:
+    if "_SLAMCLI_COMPLETE" not in os.environ:  # the shell asks click for completions
+        if not words or words in (["--help"], ["-h"]):
+            print(help_text())
+            sys.stdout.flush()
+            return int(ExitCode.SUCCESS if words else ExitCode.USAGE)
+        if words == ["--version"]:
+            print(version_text())
+            return int(ExitCode.SUCCESS)
+    import click
+
+    try:
+        code = build_group().main(args=words, prog_name="slamcli", standalone_mode=False)
+        sys.stdout.flush()
+        return int(code or 0)
+    except click.exceptions.Abort:
+        raise KeyboardInterrupt from None
+    except click.ClickException as error:
+        error.show()
+        return int(ExitCode.USAGE)
+
+
+def build_group() -> click.Group:
+    """The click group of all subcommands; each is imported when it is asked for."""
+    import click
+
+    class LazyGroup(click.Group):
+        """Loads subcommands from the table on demand."""
+
+        def list_commands(self, ctx: click.Context) -> list[str]:
+            return sorted(COMMANDS)
+
+        def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+            if cmd_name not in COMMANDS:
+                return None
+            from importlib import import_module
+
+            command: click.Command = import_module(COMMANDS[cmd_name][0]).command
+            return command
+
+        def resolve_command(
+            self, ctx: click.Context, args: list[str]
+        ) -> tuple[str | None, click.Command | None, list[str]]:
+            try:
+                return super().resolve_command(ctx, args)
+            except click.UsageError as error:
+                error.message += _suggestion(args[0])
+                raise
+
+        def get_help(self, ctx: click.Context) -> str:
+            return help_text()
+
+    def show_version(ctx: click.Context, parameter: click.Parameter, value: bool) -> None:
+        if value:
+            click.echo(version_text())
+            ctx.exit()
+
+    return LazyGroup(
+        name="slamcli",
+        context_settings={"help_option_names": ["-h", "--help"], "auto_envvar_prefix": "SLAMCLI", "max_content_width": 100},
+        params=[click.Option(["--version"], is_flag=True, is_eager=True, expose_value=False, callback=show_version)],
+    )
+
+
+def _suggestion(word: str) -> str:
+    import difflib
+
+    close = difflib.get_close_matches(word, COMMANDS, n=1)
+    return f" Did you mean {close[0]!r}?" if close and "mean" not in word else ""
+
+
+def _say_error(message: str, details: tuple[str, ...]) -> None:
+    print(f"error: {message}", *details, sep="\n", file=sys.stderr)
+
+
+def _silence_stdout() -> None:
+    """Point standard output to nowhere, so that Python's own flush at exit stays quiet."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

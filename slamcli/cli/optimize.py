@@ -1,0 +1,187 @@
+"""``slamcli optimize``: read, optimize, report, write."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import click
+
+from slamcli.cli.options import (
+    color_option,
+    input_options,
+    json_option,
+    merge_config,
+    use_color,
+    warn,
+)
+from slamcli.errors import UsageError
+from slamcli.solver.options import INITS, LINEAR_SOLVERS, METHODS, ORDERINGS, SCALINGS, OptimizeOptions
+
+_EXAMPLES = """\b
+Examples:
+  slamcli optimize graph.g2o -o optimized.g2o
+  slamcli optimize graph.g2o --method lm --trace trace.jsonl --json > result.json
+  zcat graph.g2o.gz | slamcli optimize - --init spanning-tree -o - | gzip > out.g2o.gz
+
+\b
+Exit codes: 0 converged, 2 usage, 3 invalid input, 4 not converged (the result is
+written), 5 numerical failure (nothing is written), 130 interrupted (the result so far
+is written).
+"""
+
+
+@click.command(name="optimize", epilog=_EXAMPLES)
+@input_options
+@click.option("-o", "--output", metavar="FILE", help="Write the optimized graph; - is standard output.")
+@click.option("--method", type=click.Choice(METHODS), default="gn", show_default=True, help="Gauss-Newton, Levenberg-Marquardt or Powell's dogleg.")
+@click.option("--init", type=click.Choice(INITS), default="file", show_default=True, help="Where to start.")
+@click.option("--max-iterations", type=click.IntRange(min=0), default=100, show_default=True, help="Budget of iterations.")
+@click.option("--tolerance", type=float, default=1e-9, show_default=True, help="Converged when the relative decrease of chi2 still to come is below this.")
+@click.option("--time-limit", type=float, metavar="S", help="Budget of seconds for the iterations.")
+@click.option("--fix", type=int, multiple=True, metavar="ID", help="Hold this variable; may be given several times.")
+@click.option("--ordering", type=click.Choice(ORDERINGS), default="amd", show_default=True, help="Elimination order.")
+@click.option("--linear-solver", type=click.Choice(LINEAR_SOLVERS), default="cholmod", show_default=True, help="Sparse factorization.")
+@click.option("--scaling", type=click.Choice(SCALINGS), default="none", show_default=True, help="Damping of lm: lambda on the diagonal (none, as g2o) or lambda times the diagonal.")
+@click.option("--config", metavar="FILE", help="YAML file with values for the options above; flags beat it.")
+@click.option("--trace", metavar="FILE", help="Write one JSON line for each iteration; - is standard output.")
+@click.option("--g2o-log", is_flag=True, help="Print g2o's line for each iteration on standard error.")
+@click.option("--worst", type=click.IntRange(min=0), default=0, metavar="N", help="List the N edges with the largest chi2, with their lines.")
+@click.option("-v", "--verbose", is_flag=True, help="Print the iterations also where standard error is no terminal.")
+@click.option("-q", "--quiet", is_flag=True, help="Print neither iterations nor summary; warnings and errors remain.")
+@json_option
+@color_option
+@click.pass_context
+def command(context: click.Context, input: str, **given: Any) -> int:
+    """Optimize the graph INPUT (g2o or TORO, - is standard input) and report chi2 and sparsity.
+
+    Minimizes chi2, the sum of e^T Omega e over all edges in g2o's definitions (no factor of one half). The summary
+    goes to standard output (to standard error where that carries a graph), iterations and warnings to standard error.
+    """
+    _check_streams(given)
+    given = merge_config(context, given["config"], given, OptimizeOptions.names())
+    options = _options({name: given[name] for name in OptimizeOptions.names()})
+    started = time.perf_counter()
+    return _optimize(input, options, given, started)
+
+
+def _optimize(path: str, options: OptimizeOptions, given: dict[str, Any], started: float) -> int:
+    from slamcli.formats import read, write
+    from slamcli.formats.source import write_bytes
+    from slamcli.graph import analyze
+    from slamcli.graph.describe import worst_edges
+    from slamcli.reporting import documents, summaries
+    from slamcli.solver.optimize import optimize
+
+    times: dict[str, float] = {}
+    graph = read(path, dialect=given["dialect"], lenient=given["lenient"])
+    times["load"] = time.perf_counter() - started
+    warn(summaries.reading_warnings(graph.report))
+    with _interruptible() as interrupted:
+        result = optimize(graph, options=options, on_iteration=_watcher(graph.edges, given), interrupted=interrupted)
+    times["iterate"] = sum(record.time for record in result.trace)
+    times["setup"] = time.perf_counter() - started - times["load"] - times["iterate"]
+    failed = result.status == "numerical_failure"
+    if failed:
+        print(f"error: {result.reason}", *(f"  {line}" for line in result.diagnosis), sep="\n", file=sys.stderr)
+    before = time.perf_counter()
+    if given["output"] and not failed:
+        warn(write(result.graph, given["output"]))
+    elif given["output"]:
+        print(f"  nothing is written to {given['output']}", file=sys.stderr)
+    if given["trace"]:
+        events = documents.trace_events(graph, options, result)
+        lines = "".join(documents.dumps(event, indent=None) + "\n" for event in events)
+        write_bytes(given["trace"], lines.encode())
+    times["write"] = time.perf_counter() - before
+    topology = analyze(graph)
+    worst = worst_edges(result.graph, given["worst"])
+    times["total"] = time.perf_counter() - started
+    if given["as_json"]:
+        document = documents.optimize_document(graph, topology, result, worst, times, _peak_memory())
+        print(documents.dumps(document))
+    elif not given["quiet"]:
+        out = sys.stderr if "-" in (given["output"], given["trace"]) else sys.stdout
+        colour = use_color(given["color"], out)
+        lines_out = summaries.optimize_summary(graph, topology, result, worst, times, _peak_memory(), colour)
+        print(*lines_out, sep="\n", file=out)
+    return int(result.exit_code)
+
+
+def _check_streams(given: dict[str, Any]) -> None:
+    """Standard output carries one thing."""
+    takers = [name for name in ("output", "trace") if given[name] == "-"] + ["json"] * given["as_json"]
+    if len(takers) > 1:
+        raise UsageError(f"--{takers[0]} and --{takers[1]} both want standard output", ("  write one of them to a file",))
+
+
+def _options(values: dict[str, Any]) -> OptimizeOptions:
+    """Checked options: a config file may hold anything."""
+    wanted: dict[str, type | tuple[type, ...]] = {
+        "max_iterations": int,
+        "tolerance": (int, float),
+        "time_limit": (int, float, type(None)),
+    }
+    for name, kind in wanted.items():
+        if not isinstance(values[name], kind) or isinstance(values[name], bool):
+            hint = ("  YAML reads 1e-9 as text: write 1.0e-9",) if isinstance(values[name], str) else ()
+            raise UsageError(f"{name} must be a number, got {values[name]!r}", hint)
+    fix = values["fix"] if isinstance(values["fix"], (list, tuple)) else [values["fix"]]
+    if not all(isinstance(i, int) and not isinstance(i, bool) for i in fix):
+        raise UsageError(f"fix must be a list of ids, got {values['fix']!r}")
+    return OptimizeOptions(**{**values, "fix": tuple(fix)})
+
+
+def _watcher(edges: int, given: dict[str, Any]) -> Any:
+    """What prints the iterations."""
+    from slamcli.reporting import iterations
+
+    if given["g2o_log"]:
+        cumulated = 0.0
+
+        def g2o(chi2: float, record: Any) -> None:
+            nonlocal cumulated
+            if record is not None:
+                cumulated += record.time
+                print(iterations.g2o_line(record, edges, cumulated), file=sys.stderr)
+
+        return g2o
+    if given["quiet"] or not (given["verbose"] or sys.stderr.isatty()):
+        return None
+
+    def rows(chi2: float, record: Any) -> None:
+        if record is None:
+            print(iterations.HEADER, file=sys.stderr)
+        print(iterations.line(chi2, record), file=sys.stderr)
+
+    return rows
+
+
+@contextmanager
+def _interruptible() -> Iterator[Any]:
+    """The first Ctrl-C asks to stop after the iteration, the second stops at once."""
+    asked = False
+
+    def ask(number: int, frame: Any) -> None:
+        nonlocal asked
+        asked = True
+        signal.signal(signal.SIGINT, previous)
+        print("\ninterrupted: finishing this iteration, then writing (once more to stop at once)", file=sys.stderr)
+
+    previous = signal.signal(signal.SIGINT, ask)
+    try:
+        yield lambda: asked
+    finally:
+        signal.signal(signal.SIGINT, previous)
+
+
+def _peak_memory() -> float:
+    """Peak memory of this process in MB."""
+    import resource
+
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / (1024.0 * 1024.0) if sys.platform == "darwin" else peak / 1024.0

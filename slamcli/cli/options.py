@@ -1,0 +1,111 @@
+"""Options that several subcommands share, and where their values come from."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import click
+
+from slamcli.errors import UsageError
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+DIALECTS = ("g2o", "toro")
+
+
+def input_options(function: F) -> F:
+    """``INPUT --dialect --lenient``."""
+    function = click.option(
+        "--lenient", is_flag=True, help="Skip, count and show malformed records instead of stopping at them."
+    )(function)
+    function = click.option(
+        "--dialect", type=click.Choice(DIALECTS), help="Format of INPUT.  [default: recognized by content]"
+    )(function)
+    return click.argument("input", metavar="INPUT")(function)
+
+
+def json_option(function: F) -> F:
+    """``--json``."""
+    return click.option("--json", "as_json", is_flag=True, help="Print one JSON document instead of text.")(function)
+
+
+def color_option(function: F) -> F:
+    """``--color``."""
+    return click.option(
+        "--color",
+        type=click.Choice(["auto", "always", "never"]),
+        default="auto",
+        show_default=True,
+        help="Colour the output. auto: on a terminal, unless NO_COLOR is set.",
+    )(function)
+
+
+def use_color(choice: str, stream: Any) -> bool:
+    """Whether to colour what goes to a stream."""
+    if choice == "auto":
+        return bool(stream.isatty()) and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+    return choice == "always"
+
+
+def warn(lines: list[str]) -> None:
+    """Print warnings on standard error."""
+    for line in lines:
+        print(f"warning: {line}", file=sys.stderr)
+
+
+def merge_config(context: click.Context, path: str | None, given: dict[str, Any], names: tuple[str, ...]) -> dict[str, Any]:
+    """Values of options: flags beat environment beat the config file beat defaults.
+
+    Parameters
+    ----------
+    context
+        Knows where each value came from.
+    path
+        A YAML file with option names as keys, or None.
+    given
+        Values as click parsed them.
+    names
+        The options that a config file may set.
+
+    Raises
+    ------
+    UsageError
+        If the file cannot be read, is not a mapping or has unknown keys.
+    """
+    if path is None:
+        return given
+    merged = dict(given)
+    for key, value in _load_config(path, names).items():
+        if context.get_parameter_source(key) in (None, click.core.ParameterSource.DEFAULT):
+            merged[key] = value
+    return merged
+
+
+def _load_config(path: str, names: tuple[str, ...]) -> dict[str, Any]:
+    import difflib
+
+    import yaml
+
+    try:
+        with open(path, encoding="utf-8") as stream:
+            content = yaml.safe_load(stream)
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be read: {error.strerror}") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise UsageError(f"{path}: is not valid YAML", (f"  {error}".replace("\n", "\n  "),)) from None
+    if content is None:
+        return {}
+    if not isinstance(content, dict):
+        raise UsageError(f"{path}: expected option names with values, found {type(content).__name__}")
+    out = {}
+    for key, value in content.items():
+        name = str(key).replace("-", "_")
+        if name not in names:
+            close = difflib.get_close_matches(name, names, n=1)
+            hint = f"  did you mean {close[0]}?" if close else f"  known: {', '.join(names)}"
+            raise UsageError(f"{path}: unknown option {key!r}", (hint,))
+        out[name] = value
+    return out

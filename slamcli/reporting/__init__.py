@@ -1,0 +1,1 @@
+"""Tables, iteration lines and JSON documents: takes results, never computes them."""

@@ -1,0 +1,112 @@
+"""JSON documents of results: stable keys, ``schema_version`` 1, no NaN (null instead)."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable
+from dataclasses import asdict
+from typing import Any
+
+from slamcli import __version__
+from slamcli.graph import FactorGraph, Topology
+from slamcli.graph.describe import GraphDescription, WorstEdge
+from slamcli.solver.options import OptimizeOptions
+from slamcli.solver.result import IterationRecord, Result
+
+SCHEMA_VERSION = 1
+
+
+def optimize_document(
+    source: FactorGraph, topology: Topology, result: Result, worst: list[WorstEdge], time: dict[str, float], memory: float
+) -> dict[str, Any]:
+    """The document of ``slamcli optimize --json``."""
+    return {
+        **_head("optimize"),
+        "input": _input(source, topology.loop_closure_count, topology.component_count),
+        "options": asdict(result.options),
+        "gauge": asdict(result.gauge),
+        "start": result.start,
+        "status": result.status.value,
+        "reason": result.reason,
+        "diagnosis": list(result.diagnosis),
+        "exit_code": int(result.exit_code),
+        "iterations": result.iterations,
+        "initial_chi2": result.initial_chi2,
+        "final_chi2": result.final_chi2,
+        "dof": result.dof,
+        "trace": [asdict(record) for record in result.trace],
+        "sparsity": None if result.sparsity is None else asdict(result.sparsity),
+        "worst": [asdict(edge) for edge in worst],
+        "time": time,
+        "phases": result.time,
+        "peak_memory_mb": memory,
+    }
+
+
+def info_document(source: FactorGraph, description: GraphDescription, worst: list[WorstEdge]) -> dict[str, Any]:
+    """The document of ``slamcli info --json``."""
+    return {
+        **_head("info"),
+        "input": _input(source, description.loop_closures, len(description.components)),
+        **asdict(description),
+        "worst": [asdict(edge) for edge in worst],
+    }
+
+
+def trace_events(source: FactorGraph, options: OptimizeOptions, result: Result) -> Iterable[dict[str, Any]]:
+    """The JSON Lines of ``slamcli optimize --trace``: start, iterations, end."""
+    path = source.report.path if source.report else None
+    start = {"event": "start", "input": path, "options": asdict(options), "chi2": result.initial_chi2}
+    yield {**_head("optimize"), **start}
+    for record in result.trace:
+        yield {"event": "iteration", **asdict(record)}
+    yield {
+        "event": "end",
+        "status": result.status.value,
+        "reason": result.reason,
+        "iterations": result.iterations,
+        "final_chi2": result.final_chi2,
+    }
+
+
+def dumps(document: dict[str, Any], indent: int | None = 2) -> str:
+    """JSON text; numbers that are not finite become null."""
+    return json.dumps(_finite(document), indent=indent, allow_nan=False, default=_plain)
+
+
+def _head(command: str) -> dict[str, Any]:
+    return {"schema_version": SCHEMA_VERSION, "command": command, "version": __version__}
+
+
+def _input(graph: FactorGraph, loop_closures: int, components: int) -> dict[str, Any]:
+    report, document = graph.report, graph.document
+    return {
+        "path": report.path if report else None,
+        "sha256": document.sha256 if document else None,
+        "format": report.format if report else None,
+        "poses": graph.poses,
+        "landmarks": graph.landmarks,
+        "edges": graph.edges,
+        "by_tag": report.by_tag if report else {},
+        "loop_closures": loop_closures,
+        "components": components,
+        "skipped": report.skipped if report else {},
+        "malformed": report.malformed if report else [],
+        "created": {kind: len(ids) for kind, ids in report.created.items()} if report else {},
+        "notes": report.notes if report else [],
+    }
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(item) for item in value]
+    return value
+
+
+def _plain(value: Any) -> Any:
+    return value.item()
