@@ -15,7 +15,13 @@ Examples:
 
 @click.command(name="info", epilog=_EXAMPLES)
 @input_options
-@click.option("--worst", type=click.IntRange(min=0), default=0, metavar="N", help="List the N edges with the largest chi2, with their lines.")
+@click.option(
+    "--worst",
+    type=click.IntRange(min=0),
+    default=0,
+    metavar="N",
+    help="List the N edges with the largest chi2, with their lines.",
+)
 @json_option
 def command(input: str, dialect: str | None, lenient: bool, worst: int, as_json: bool) -> int:
     """Describe the graph INPUT (g2o or TORO, - is standard input).

@@ -81,8 +81,7 @@ def build_group() -> click.Group:
             try:
                 return super().resolve_command(ctx, args)
             except click.UsageError as error:
-                error.message += _suggestion(args[0])
-                raise
+                raise click.UsageError(error.message + _suggestion(args[0]), ctx) from None
 
         def get_help(self, ctx: click.Context) -> str:
             return help_text()
@@ -94,7 +93,11 @@ def build_group() -> click.Group:
 
     return LazyGroup(
         name="slamcli",
-        context_settings={"help_option_names": ["-h", "--help"], "auto_envvar_prefix": "SLAMCLI", "max_content_width": 100},
+        context_settings={
+            "help_option_names": ["-h", "--help"],
+            "auto_envvar_prefix": "SLAMCLI",
+            "max_content_width": 100,
+        },
         params=[click.Option(["--version"], is_flag=True, is_eager=True, expose_value=False, callback=show_version)],
     )
 

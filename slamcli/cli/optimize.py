@@ -38,25 +38,57 @@ is written).
 @click.command(name="optimize", epilog=_EXAMPLES)
 @input_options
 @click.option("-o", "--output", metavar="FILE", help="Write the optimized graph; - is standard output.")
-@click.option("--method", type=click.Choice(METHODS), default="gn", show_default=True, help="Gauss-Newton, Levenberg-Marquardt or Powell's dogleg.")
+@click.option(
+    "--method",
+    type=click.Choice(METHODS),
+    default="gn",
+    show_default=True,
+    help="Gauss-Newton, Levenberg-Marquardt or Powell's dogleg.",
+)
 @click.option("--init", type=click.Choice(INITS), default="file", show_default=True, help="Where to start.")
-@click.option("--max-iterations", type=click.IntRange(min=0), default=100, show_default=True, help="Budget of iterations.")
-@click.option("--tolerance", type=float, default=1e-9, show_default=True, help="Converged when the relative decrease of chi2 still to come is below this.")
+@click.option(
+    "--max-iterations", type=click.IntRange(min=0), default=100, show_default=True, help="Budget of iterations."
+)
+@click.option(
+    "--tolerance",
+    type=float,
+    default=1e-9,
+    show_default=True,
+    help="Converged when the relative decrease of chi2 still to come is below this.",
+)
 @click.option("--time-limit", type=float, metavar="S", help="Budget of seconds for the iterations.")
 @click.option("--fix", type=int, multiple=True, metavar="ID", help="Hold this variable; may be given several times.")
 @click.option("--ordering", type=click.Choice(ORDERINGS), default="amd", show_default=True, help="Elimination order.")
-@click.option("--linear-solver", type=click.Choice(LINEAR_SOLVERS), default="cholmod", show_default=True, help="Sparse factorization.")
-@click.option("--scaling", type=click.Choice(SCALINGS), default="none", show_default=True, help="Damping of lm: lambda on the diagonal (none, as g2o) or lambda times the diagonal.")
+@click.option(
+    "--linear-solver",
+    type=click.Choice(LINEAR_SOLVERS),
+    default="cholmod",
+    show_default=True,
+    help="Sparse factorization.",
+)
+@click.option(
+    "--scaling",
+    type=click.Choice(SCALINGS),
+    default="none",
+    show_default=True,
+    help="Damping of lm: lambda on the diagonal (none, as g2o) or lambda times the diagonal.",
+)
 @click.option("--config", metavar="FILE", help="YAML file with values for the options above; flags beat it.")
 @click.option("--trace", metavar="FILE", help="Write one JSON line for each iteration; - is standard output.")
 @click.option("--g2o-log", is_flag=True, help="Print g2o's line for each iteration on standard error.")
-@click.option("--worst", type=click.IntRange(min=0), default=0, metavar="N", help="List the N edges with the largest chi2, with their lines.")
+@click.option(
+    "--worst",
+    type=click.IntRange(min=0),
+    default=0,
+    metavar="N",
+    help="List the N edges with the largest chi2, with their lines.",
+)
 @click.option("-v", "--verbose", is_flag=True, help="Print the iterations also where standard error is no terminal.")
 @click.option("-q", "--quiet", is_flag=True, help="Print neither iterations nor summary; warnings and errors remain.")
 @json_option
 @color_option
 @click.pass_context
-def command(context: click.Context, input: str, **given: Any) -> int:
+def command(context: click.Context, /, input: str, **given: Any) -> int:
     """Optimize the graph INPUT (g2o or TORO, - is standard input) and report chi2 and sparsity.
 
     Minimizes chi2, the sum of e^T Omega e over all edges in g2o's definitions (no factor of one half). The summary
@@ -65,11 +97,10 @@ def command(context: click.Context, input: str, **given: Any) -> int:
     _check_streams(given)
     given = merge_config(context, given["config"], given, OptimizeOptions.names())
     options = _options({name: given[name] for name in OptimizeOptions.names()})
-    started = time.perf_counter()
-    return _optimize(input, options, given, started)
+    return _optimize(input, options, given)
 
 
-def _optimize(path: str, options: OptimizeOptions, given: dict[str, Any], started: float) -> int:
+def _optimize(path: str, options: OptimizeOptions, given: dict[str, Any]) -> int:
     from slamcli.formats import read, write
     from slamcli.formats.source import write_bytes
     from slamcli.graph import analyze
@@ -78,6 +109,7 @@ def _optimize(path: str, options: OptimizeOptions, given: dict[str, Any], starte
     from slamcli.solver.optimize import optimize
 
     times: dict[str, float] = {}
+    started = time.perf_counter()
     graph = read(path, dialect=given["dialect"], lenient=given["lenient"])
     times["load"] = time.perf_counter() - started
     warn(summaries.reading_warnings(graph.report))
@@ -116,7 +148,9 @@ def _check_streams(given: dict[str, Any]) -> None:
     """Standard output carries one thing."""
     takers = [name for name in ("output", "trace") if given[name] == "-"] + ["json"] * given["as_json"]
     if len(takers) > 1:
-        raise UsageError(f"--{takers[0]} and --{takers[1]} both want standard output", ("  write one of them to a file",))
+        raise UsageError(
+            f"--{takers[0]} and --{takers[1]} both want standard output", ("  write one of them to a file",)
+        )
 
 
 def _options(values: dict[str, Any]) -> OptimizeOptions:

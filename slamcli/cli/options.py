@@ -56,7 +56,9 @@ def warn(lines: list[str]) -> None:
         print(f"warning: {line}", file=sys.stderr)
 
 
-def merge_config(context: click.Context, path: str | None, given: dict[str, Any], names: tuple[str, ...]) -> dict[str, Any]:
+def merge_config(
+    context: click.Context, path: str | None, given: dict[str, Any], names: tuple[str, ...]
+) -> dict[str, Any]:
     """Values of options: flags beat environment beat the config file beat defaults.
 
     Parameters

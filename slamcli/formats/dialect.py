@@ -144,9 +144,14 @@ class Dialect:
     fix: str | None = None
 
     @property
-    def tags(self) -> frozenset[str]:
+    def records(self) -> tuple[VertexTag | EdgeTag | ParameterTag, ...]:
         """All tags of records that hold numbers only."""
-        return frozenset(record.tag for record in (*self.vertices, *self.edges, *self.parameters))
+        return self.vertices + self.edges + self.parameters
+
+    @property
+    def tags(self) -> frozenset[str]:
+        """The words of ``records``."""
+        return frozenset(record.tag for record in self.records)
 
     def vertex_tag(self, kind: VariableKind) -> VertexTag | None:
         """The tag that writes variables of a kind, None if the dialect has none."""

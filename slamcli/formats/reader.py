@@ -13,7 +13,7 @@ from slamcli.formats.recognize import by_name, recognize
 from slamcli.formats.records import Records, is_id
 from slamcli.formats.tokens import TokenizedText
 from slamcli.graph import Document, FactorGraph, Factors, ReadingReport, Variables
-from slamcli.graph.columns import IdArray, IndexArray
+from slamcli.graph.columns import IdArray, IndexArray, finite_rows
 from slamcli.models import VariableKind
 from slamcli.models.base import Array
 
@@ -95,7 +95,7 @@ class _Reader:
             values = record.kind.normalize(self.records.matrix(record.tag, 1 + record.kind.size)[:, 1:])
             self._drop_zero_quaternions(record.tag, values)
             lines = self.records.rows[record.tag].lines
-            values = values[np.isfinite(values).all(axis=1)]
+            values = values[finite_rows(values)]
             for k, identifier in enumerate(self.records.ids[record.tag][:, 0].tolist()):
                 if identifier in out:
                     self.records.defect(int(lines[k]), None, f"parameter {identifier} is defined twice")
@@ -112,7 +112,7 @@ class _Reader:
             numbers = self.records.matrix(record.tag, 1 + record.numbers)
             values = record.kind.normalize(record.decode(numbers[:, 1:]))
             self._drop_zero_quaternions(record.tag, values)
-            values = values[np.isfinite(values).all(axis=1)]
+            values = values[finite_rows(values)]
             lines = self.records.rows[record.tag].lines + 1
             parts.setdefault(record.kind, []).append((self.records.ids[record.tag][:, 0], values, lines))
         out = {}
@@ -123,7 +123,7 @@ class _Reader:
         return out
 
     def _drop_zero_quaternions(self, tag: str, values: Array) -> None:
-        good = np.isfinite(values).all(axis=1)
+        good = finite_rows(values)
         for line in self.records.rows[tag].lines[~good].tolist():
             self.records.defect(line, None, f"{tag} has a quaternion of zero length")
         self.records.drop(tag, good)
@@ -164,11 +164,12 @@ class _Reader:
             ids = self.records.ids[record.tag]
             slots = [slot for slot, needed in enumerate(record.kind.variables) if needed is kind]
             wrong = np.isin(ids[:, slots], clash)
-            for k in np.flatnonzero(wrong.any(axis=1)).tolist():
+            any_wrong = np.asarray(wrong.any(axis=1))
+            for k in np.flatnonzero(any_wrong).tolist():
                 first = ids[k, slots][wrong[k]][0]
                 message = f"{record.tag} needs a {kind.name} vertex, but {first} is of another kind"
                 self.records.defect(int(self.records.rows[record.tag].lines[k]), None, message)
-            self.records.drop(record.tag, ~wrong.any(axis=1))
+            self.records.drop(record.tag, ~any_wrong)
 
     def _variables(self, vertices: Vertices, created: dict[VariableKind, IdArray]) -> dict[str, Variables]:
         """Columns of variables: those of the file, then those that only edges name."""
@@ -227,7 +228,7 @@ class _Reader:
     def _factors(self, record: EdgeTag, variables: dict[str, Variables], parameters: dict[int, Array]) -> Factors:
         """One column of factors."""
         measurement, information = self._measured(record)
-        usable = np.isfinite(measurement).all(axis=1) & np.isfinite(information).all(axis=(1, 2))
+        usable = finite_rows(measurement) & finite_rows(information)
         for line in self.records.rows[record.tag].lines[~usable].tolist():
             self.records.defect(line, None, f"{record.tag} has a quaternion of zero length or an infinite information")
         self.records.drop(record.tag, usable)

@@ -115,7 +115,7 @@ class Records:
 
     def _check_counts(self) -> None:
         """Leave out records with too few or too many numbers."""
-        for record in (*self.dialect.vertices, *self.dialect.edges, *self.dialect.parameters):
+        for record in self.dialect.records:
             if (rows := self.rows.get(record.tag)) is None:
                 continue
             good = np.isin(rows.counts, record.allowed_counts)
@@ -134,7 +134,7 @@ class Records:
 
     def _read_ids(self) -> None:
         """Ids of all records: whole numbers of up to 64 bits (GTSAM keys are unsigned)."""
-        for record in (*self.dialect.vertices, *self.dialect.edges, *self.dialect.parameters):
+        for record in self.dialect.records:
             if record.tag in self.rows:
                 count = record.ids if isinstance(record, EdgeTag) else 1
                 values = self.matrix(record.tag, count)
@@ -179,7 +179,9 @@ class Records:
         first = int(self.text.first[line]) + 1
         bad = next((t for t in range(first, first + count) if not is_id(self.text.token(t))), first)
         found = self.text.token(bad).decode("utf-8", "replace")
-        self.defect(line, int(self.text.token_start[bad]), f"expected an id (a whole number of 64 bits), found {found!r}")
+        self.defect(
+            line, int(self.text.token_start[bad]), f"expected an id (a whole number of 64 bits), found {found!r}"
+        )
 
 
 def is_id(token: bytes) -> bool:

@@ -42,7 +42,7 @@ def _encode_2d(kind: FactorKind, measurement: Array, information: Array) -> tupl
 
 def _decode_3d(kind: FactorKind, measurement: Array, numbers: Array) -> tuple[Array, Array]:
     information = from_upper_triangle(numbers, 6)
-    return pose_from_euler(measurement), _rotated(information, np.linalg.inv(_residual_by_record(measurement[:, 3:])))
+    return pose_from_euler(measurement), _rotated(information, _record_by_residual(measurement[:, 3:]))
 
 
 def _encode_3d(kind: FactorKind, measurement: Array, information: Array) -> tuple[Array, Array]:
@@ -74,6 +74,11 @@ def _frame_2d(measurement: Array) -> Array:
     out[:, 0, 1], out[:, 1, 0] = -sine, sine
     out[:, 2, 2] = 1.0
     return out
+
+
+def _record_by_residual(euler: Array) -> Array:
+    """J = diag(R_z, 2 W^-1): Jacobian of the record's numbers by our residual, (m, 6, 6)."""
+    return np.asarray(np.linalg.inv(_residual_by_record(euler)), dtype=np.float64)
 
 
 def _residual_by_record(euler: Array) -> Array:

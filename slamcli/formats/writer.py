@@ -68,7 +68,9 @@ def render(graph: FactorGraph, dialect: str | None = None) -> Rendered:
     if graph.document is None:
         return _fresh(graph, target)
     if target is own:
-        return Rendered(_spliced(graph.document, _changed_vertices(graph, graph.document), _new_vertices(graph, target)))
+        return Rendered(
+            _spliced(graph.document, _changed_vertices(graph, graph.document), _new_vertices(graph, target))
+        )
     return _translated(graph, graph.document, target)
 
 
@@ -103,7 +105,9 @@ def _changed_vertices(graph: FactorGraph, document: Document) -> dict[int, str]:
                 tags = _original_tags(document, column.lines[rows])
                 mine = rows[[tag == record.tag for tag in tags]]
                 records = format_records(column.ids[mine, None], record.encode(column.values[mine]))
-                out.update(zip(column.lines[mine].tolist(), map(" ".join, zip(repeat(record.tag), records)), strict=False))
+                out.update(
+                    zip(column.lines[mine].tolist(), map(" ".join, zip(repeat(record.tag), records)), strict=False)
+                )
     return out
 
 
@@ -125,7 +129,9 @@ def _vertex_records(column: Variables, rows: IndexArray, dialect: Dialect) -> li
     record = dialect.vertex_tag(column.kind)
     if record is None or len(rows) == 0:
         return []
-    return [f"{record.tag} {text}" for text in format_records(column.ids[rows, None], record.encode(column.values[rows]))]
+    return [
+        f"{record.tag} {text}" for text in format_records(column.ids[rows, None], record.encode(column.values[rows]))
+    ]
 
 
 def _edge_records(graph: FactorGraph, factors: Factors, dialect: Dialect) -> list[str]:
@@ -206,7 +212,9 @@ def _spliced(document: Document, new: dict[int, str], inserted: list[str], gone:
     """The source's text with some records replaced, some lines removed, and records inserted before the first edge."""
     if not new and not inserted and not gone:
         return document.data
-    edits = [(int(document.record_start[k - 1]), int(document.record_stop[k - 1]), text.encode()) for k, text in new.items()]
+    edits = [
+        (int(document.record_start[k - 1]), int(document.record_stop[k - 1]), text.encode()) for k, text in new.items()
+    ]
     edits += [(int(document.line_start[k - 1]), int(document.line_start[k]), b"") for k in gone]
     if inserted:
         at = int(document.line_start[document.first_edge_line - 1])

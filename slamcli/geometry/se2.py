@@ -56,10 +56,10 @@ def between(x: Array, y: Array) -> Array:
     The positions are subtracted before they are rotated, so that two close poses far from
     the origin keep their digits.
     """
-    theta = x[..., 2].copy()
+    (tx, ty, theta), (u, v, heading) = unpack(x), unpack(y)
     c, s = np.cos(theta), np.sin(theta)
-    u, v = y[..., 0] - x[..., 0], y[..., 1] - x[..., 1]
-    return pack(c * u + s * v, c * v - s * u, so2.wrap(y[..., 2] - theta))
+    u, v = u - tx, v - ty
+    return pack(c * u + s * v, c * v - s * u, so2.wrap(heading - theta))
 
 
 def act(x: Array, p: Array) -> Array:
@@ -148,7 +148,7 @@ def left_jacobian(xi: Array) -> Array:
     array (..., 3, 3)
         J with exp(xi + d) ~ exp(J d) exp(xi) for small d.
     """
-    theta = xi[..., 2].copy()
+    theta = xi[..., 2]
     a, b = so2.one_minus_cos_ratio(theta), so2.angle_minus_sin_ratio(theta)
     return _jacobian(xi, so2.sinc(theta), a, b)
 
@@ -166,7 +166,7 @@ def left_jacobian_inverse(xi: Array) -> Array:
 
     It is singular where theta is a multiple of 2 pi other than 0.
     """
-    theta = xi[..., 2].copy()
+    theta = xi[..., 2]
     c = so2.one_minus_half_cot_ratio(theta)
     return _jacobian(xi, so2.half_cot(theta), np.full_like(c, -0.5), c)
 

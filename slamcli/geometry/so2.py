@@ -59,8 +59,8 @@ def wrap(xi: Array) -> Array:
 
     Notes
     -----
-    No step rounds: ``fmod`` is exact, TAU has three zero bits at its end, so that up to 8
-    TAU are a double, and the difference is a multiple of the last bit of both.
+    No step rounds: ``fmod`` is exact, so are the products of TAU with up to 8, because its
+    last three bits are zero, and so is the difference, which keeps the last bit of both.
     """
     if np.size(xi) == 0 or _in_range(xi, PI):
         return np.array(xi, dtype=np.float64)
@@ -204,9 +204,7 @@ SIN_TAIL = tuple((-1) ** k / factorial(2 * k + 3) for k in range(9))
 COT_TAIL = tuple(b / factorial(2 * k) for k, b in enumerate(BERNOULLI, 1))
 
 
-def series_near_zero(
-    angle: Array, coefficients: tuple[float, ...], closed_form: Callable[[Array], Array]
-) -> Array:
+def series_near_zero(angle: Array, coefficients: tuple[float, ...], closed_form: Callable[[Array], Array]) -> Array:
     """Evaluate an even function by its series near 0 and in closed form elsewhere.
 
     Parameters

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +16,17 @@ from numpy.typing import NDArray
 from slamcli.models import FactorKind, VariableKind
 from slamcli.models.base import Array
 
-IdArray = NDArray[np.int64] | NDArray[np.uint64]
+IdArray = NDArray[np.integer[Any]]  # int64 or uint64
 IndexArray = NDArray[np.intp]
 BoolArray = NDArray[np.bool_]
 
 #: A state: the values of all variables, by the name of their kind.
 Values = dict[str, Array]
+
+
+def finite_rows(values: Array) -> BoolArray:
+    """Which entries along the first axis hold only finite numbers."""
+    return np.asarray(np.isfinite(values).all(axis=tuple(range(1, values.ndim))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,8 +126,7 @@ class Factors:
     def gather(self, values: Values) -> tuple[Array, ...]:
         """Values of the joined variables, one (m, size) array for each slot."""
         return tuple(
-            np.take(values[kind.name], self.indices[:, slot], axis=0)
-            for slot, kind in enumerate(self.kind.variables)
+            np.take(values[kind.name], self.indices[:, slot], axis=0) for slot, kind in enumerate(self.kind.variables)
         )
 
     def residual(self, values: Values) -> Array:

@@ -114,9 +114,7 @@ class FactorGraph:
 
     def _id_ranges(self) -> str:
         ranges = (
-            f"{name} {column.ids.min()} to {column.ids.max()}"
-            for name, column in self.variables.items()
-            if len(column)
+            f"{name} {column.ids.min()} to {column.ids.max()}" for name, column in self.variables.items() if len(column)
         )
         return "ids in this graph: " + ", ".join(ranges)
 

@@ -56,4 +56,4 @@ def indefinite(information: Array) -> NDArray[np.bool_]:
 def eigenvalue_range(information: Array) -> tuple[Array, Array]:
     """Smallest and largest eigenvalue of each matrix of the stack (m, d, d)."""
     eigenvalues = np.linalg.eigvalsh(information)
-    return eigenvalues[:, 0], eigenvalues[:, -1]
+    return np.asarray(eigenvalues[:, 0], np.float64), np.asarray(eigenvalues[:, -1], np.float64)

@@ -60,9 +60,7 @@ class RelativePose3D(FactorKind):
         return residual, (jacobian_i, jacobian_j)
 
 
-def _residual(
-    pose_i: Array, pose_j: Array, z: Array
-) -> tuple[Array, Array, Array, Array, Array, Array]:
+def _residual(pose_i: Array, pose_j: Array, z: Array) -> tuple[Array, Array, Array, Array, Array, Array]:
     """Residual, u = R_i^T (t_j - t_i), the sign that makes w >= 0, and the quaternions q_z*, q_i* q_j, q_E."""
     i_conjugate, z_conjugate = so3.inverse(pose_i[:, 3:]), so3.inverse(z[:, 3:])
     u = so3.act(i_conjugate, pose_j[:, :3] - pose_i[:, :3])

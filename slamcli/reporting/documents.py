@@ -12,13 +12,18 @@ from slamcli import __version__
 from slamcli.graph import FactorGraph, Topology
 from slamcli.graph.describe import GraphDescription, WorstEdge
 from slamcli.solver.options import OptimizeOptions
-from slamcli.solver.result import IterationRecord, Result
+from slamcli.solver.result import Result
 
 SCHEMA_VERSION = 1
 
 
 def optimize_document(
-    source: FactorGraph, topology: Topology, result: Result, worst: list[WorstEdge], time: dict[str, float], memory: float
+    source: FactorGraph,
+    topology: Topology,
+    result: Result,
+    worst: list[WorstEdge],
+    time: dict[str, float],
+    memory: float,
 ) -> dict[str, Any]:
     """The document of ``slamcli optimize --json``."""
     return {

@@ -5,9 +5,8 @@ from __future__ import annotations
 from slamcli.reporting.text import seconds
 from slamcli.solver.result import IterationRecord
 
-HEADER = (
-    f"{'iteration':>9}  {'chi2':>20}  {'change':>10}  {'gradient':>9}  {'step':>9}  {'damping':>9}  {'trials':>6}  {'time':>9}"
-)
+_TITLES = {"iteration": 9, "chi2": 20, "change": 10, "gradient": 9, "step": 9, "damping": 9, "trials": 6, "time": 9}
+HEADER = "  ".join(f"{title:>{width}}" for title, width in _TITLES.items())
 _G2O_STEPS = {"gauss-newton": "GN", "steepest-descent": "Descent", "dogleg": "Dogleg"}
 
 

@@ -85,9 +85,13 @@ def info_summary(source: FactorGraph, description: GraphDescription) -> list[str
     if d.path_length is not None:
         rows.append(("path", f"{d.path_length:.6g} m along the poses in the order of their ids"))
     if d.bounding_box is not None:
-        box = ", ".join(f"{axis} {low:.6g} to {high:.6g}" for axis, (low, high) in zip("xyz", d.bounding_box, strict=False))
+        box = ", ".join(
+            f"{axis} {low:.6g} to {high:.6g}" for axis, (low, high) in zip("xyz", d.bounding_box, strict=False)
+        )
         rows.append(("extent", f"{box} (metres)"))
-    rows.append(("chi2", "unknown: not every variable has an estimate" if d.chi2 is None else f"{d.chi2:.6f} at these values"))
+    rows.append(
+        ("chi2", "unknown: not every variable has an estimate" if d.chi2 is None else f"{d.chi2:.6f} at these values")
+    )
     return table(rows, "<<") + _variable_table(d) + _factor_table(d)
 
 
@@ -101,9 +105,7 @@ def reading_warnings(report: ReadingReport | None) -> list[str]:
     out += [f"skipped: {message}" for message in report.malformed[:_LISTED]]
     if len(report.malformed) > _LISTED:
         out.append(f"... and {len(report.malformed) - _LISTED} more malformed records skipped")
-    out += [
-        f"{len(ids)} {kind} vertices are named by edges only" for kind, ids in report.created.items()
-    ]
+    out += [f"{len(ids)} {kind} vertices are named by edges only" for kind, ids in report.created.items()]
     return out + report.notes
 
 

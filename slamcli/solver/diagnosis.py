@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slamcli.graph import FactorGraph, Factors
-from slamcli.graph.columns import BoolArray
+from slamcli.graph.columns import BoolArray, finite_rows
 from slamcli.graph.topology import connected_components, node_offsets, node_pairs
 from slamcli.models.base import Array
 from slamcli.models.information import eigenvalue_range, indefinite
@@ -52,9 +52,9 @@ def not_finite(graph: FactorGraph, system: LinearSystem) -> tuple[str, tuple[str
     for factors in graph.factors:
         with np.errstate(all="ignore"):
             residual, jacobians = factors.linearize(system.values)
-        bad = ~np.isfinite(residual).all(axis=1)
+        bad = ~finite_rows(residual)
         for jacobian in jacobians:
-            bad |= ~np.isfinite(jacobian).all(axis=(1, 2))
+            bad |= ~finite_rows(jacobian)
         details += [
             f"  {edge_name(graph, factors, int(k))}: residual or Jacobian is not finite"
             for k in np.flatnonzero(bad)[:_SHOWN]
@@ -93,8 +93,8 @@ def _gauge_freedom(graph: FactorGraph, held: Held) -> list[str]:
     needed = 6 if graph.space == 3 else 3
     ids = np.concatenate([column.ids for column in graph.variables.values()])
     return [
-        f"gauge freedom: the component of {ids[label == k][0]} ({np.count_nonzero(label == k)} variables) is tied to the "
-        f"world by {int(prior_rows[k])} prior dimensions, fewer than {needed}, and nothing in it is held"
+        f"gauge freedom: the component of {ids[label == k][0]} ({np.count_nonzero(label == k)} variables) is tied to "
+        f"the world by {int(prior_rows[k])} prior dimensions, fewer than {needed}, and nothing in it is held"
         for k in np.flatnonzero(~anchored & (prior_rows < needed))[:_SHOWN]
     ]
 

@@ -29,7 +29,9 @@ class Dogleg:
         squared = float(now.gradient @ now.gradient)
         curvature = problem.pattern.quadratic_form(now.hessian, now.gradient)
         descent = -(squared / curvature if curvature > 0.0 else 0.0) * now.gradient
-        for trials in range(1, _TRIALS + 1):
+        trials, rho = 0, -1.0
+        while trials < _TRIALS:
+            trials += 1
             delta, kind = self._on_path(newton, descent)
             values = problem.retract(now.values, delta)
             predicted = problem.model_decrease(now, delta)

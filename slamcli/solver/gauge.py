@@ -33,9 +33,7 @@ def choose(graph: FactorGraph) -> tuple[Gauge, Held]:
     chosen = _lowest_of_each(graph, label)[free]
     held_nodes = fixed.copy()
     held_nodes[chosen] = True
-    held = {
-        name: held_nodes[offsets[name] : offsets[name] + len(column)] for name, column in graph.variables.items()
-    }
+    held = {name: held_nodes[offsets[name] : offsets[name] + len(column)] for name, column in graph.variables.items()}
     ids = tuple(int(i) for name, column in graph.variables.items() for i in column.ids[held[name]])
     return Gauge(ids, _reason(int(fixed.sum()), len(chosen), int(with_prior[~constrained].sum()), count)), held
 

@@ -152,7 +152,9 @@ def _place_landmarks(graph: FactorGraph, values: Values, placed: dict[str, BoolA
         if last.is_pose:
             continue
         rows = factors.indices[:, -1]
-        source = placed[factors.kind.variables[0].name][factors.indices[:, 0]] if len(factors.kind.variables) == 2 else True
+        source = (
+            placed[factors.kind.variables[0].name][factors.indices[:, 0]] if len(factors.kind.variables) == 2 else True
+        )
         use = np.flatnonzero(~placed[last.name][rows] & source)
         use = use[np.unique(rows[use], return_index=True)[1]]
         if len(use) == 0:

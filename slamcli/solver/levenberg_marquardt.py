@@ -40,8 +40,9 @@ class LevenbergMarquardt:
         scale = diagonal if self._scaled else np.ones_like(diagonal)
         if self._lambda == 0.0:
             self._lambda = _INITIAL if self._scaled else _INITIAL * float(diagonal.max(initial=0.0))
-        delta, values, rho, solved = np.zeros_like(diagonal), now.values, -1.0, False
-        for trials in range(1, _TRIALS + 1):
+        delta, values, rho, solved, trials = np.zeros_like(diagonal), now.values, -1.0, False, 0
+        while trials < _TRIALS:
+            trials += 1
             damping = self._lambda * scale
             try:
                 delta = problem.solve(now, damping)

@@ -9,12 +9,13 @@ With e(x + J delta) to first order, chi2(x (+) delta) = chi2 + 2 g^T delta + del
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from slamcli.graph import FactorGraph
-from slamcli.graph.columns import Values
+from slamcli.graph.columns import IndexArray, Values
 from slamcli.models.base import Array
 from slamcli.solver import pattern as patterns
 from slamcli.solver.gauge import Held
@@ -91,15 +92,15 @@ class Linearizer:
                     g = self._multiply(self._gradient_parts, g, left, weighted[:, :, None])
         with self.stopwatch.phase("assemble"):
             stored, dimension = self.pattern.stored, self.pattern.dimension
-            hessian = np.bincount(self._scatter.hessian, self._hessian_parts, minlength=stored + 1)[:stored]
-            gradient = np.bincount(self._scatter.gradient, self._gradient_parts, minlength=dimension + 1)[:dimension]
+            hessian = _summed(self._scatter.hessian, self._hessian_parts, stored)
+            gradient = _summed(self._scatter.gradient, self._gradient_parts, dimension)
         return LinearSystem(values, chi2, hessian, gradient)
 
     @staticmethod
     def _multiply(buffer: Array, start: int, left: Array, right: Array) -> int:
         """Batched product into the next part of a buffer; returns where the part ends."""
         shape = (len(left), left.shape[1], right.shape[2])
-        stop = start + shape[0] * shape[1] * shape[2]
+        stop = start + math.prod(shape)
         np.matmul(left, right, out=buffer[start:stop].reshape(shape))
         return stop
 
@@ -121,3 +122,8 @@ class Linearizer:
                 out[name] = moved
                 start = stop
         return out
+
+
+def _summed(targets: IndexArray, parts: Array, count: int) -> Array:
+    """Parts added up by target; the targets behind the last one are held variables and fall away."""
+    return np.asarray(np.bincount(targets, parts, count + 1)[:count], dtype=np.float64)

@@ -12,12 +12,11 @@ from slamcli.graph import FactorGraph
 from slamcli.graph.columns import Values
 from slamcli.solver import diagnosis, gauge, steps
 from slamcli.solver.backends import NotPositiveDefiniteError
-from slamcli.solver.gauge import Held
 from slamcli.solver.initialization import initialize
 from slamcli.solver.linear_system import LinearSystem
 from slamcli.solver.options import OptimizeOptions
 from slamcli.solver.problem import Problem
-from slamcli.solver.result import Gauge, IterationRecord, Result, Status
+from slamcli.solver.result import IterationRecord, Result, Status
 from slamcli.solver.steps import Step
 from slamcli.solver.stopwatch import Stopwatch
 from slamcli.solver.termination import Termination, Verdict

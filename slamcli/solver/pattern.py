@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from slamcli.graph import FactorGraph
-from slamcli.graph.columns import IndexArray
+from slamcli.graph.columns import BoolArray, IndexArray
 from slamcli.models.base import Array
 from slamcli.solver.gauge import Held
 
@@ -77,7 +77,9 @@ class BlockPattern:
         """(stored,) scalar row of each stored value."""
         sizes = self.sizes[self.rows]
         within = np.arange(int(sizes.sum())) - np.repeat(np.cumsum(sizes) - sizes, sizes)
-        one_column = np.repeat(self.offsets[self.rows], sizes) + within  # rows of one scalar column of each block column
+        one_column = (
+            np.repeat(self.offsets[self.rows], sizes) + within
+        )  # rows of one scalar column of each block column
         start = np.concatenate([[0], np.cumsum(self.heights)])[:-1]
         return one_column[_repeated_ranges(start, self.heights, self.sizes)]
 
@@ -136,7 +138,7 @@ def build(graph: FactorGraph, held: Held) -> tuple[BlockPattern, Scatter]:
     keys = []
     for factors in graph.factors:
         blocks = [number[kind.name][factors.indices[:, s]] for s, kind in enumerate(factors.kind.variables)]
-        for s, t, low, high, use in _slot_pairs(blocks):
+        for _, _, low, high, use in _slot_pairs(blocks):
             keys.append(np.where(use, high * count + low, -1))
     keys.append(np.arange(count) * (count + 1))  # every free variable has a diagonal block
     unique, inverse = np.unique(np.concatenate(keys), return_inverse=True)
@@ -160,7 +162,7 @@ def _block_numbers(graph: FactorGraph, held: Held) -> tuple[dict[str, IndexArray
     return number, np.concatenate(sizes)
 
 
-def _slot_pairs(blocks: list[IndexArray]) -> list[tuple[int, int, IndexArray, IndexArray, IndexArray]]:
+def _slot_pairs(blocks: list[IndexArray]) -> list[tuple[int, int, IndexArray, IndexArray, BoolArray]]:
     """For each pair of slots s <= t: lower and higher block, and which factors contribute.
 
     A factor that joins a variable with itself is constant for relative measurements; it contributes nothing.
@@ -180,7 +182,9 @@ def _slot_pairs(blocks: list[IndexArray]) -> list[tuple[int, int, IndexArray, In
 def _scatter(
     graph: FactorGraph, pattern: BlockPattern, number: dict[str, IndexArray], entry: list[IndexArray]
 ) -> Scatter:
-    hessian, gradient, k = [np.empty(0, np.intp)], [np.empty(0, np.intp)], 0
+    hessian: list[IndexArray] = [np.empty(0, np.intp)]
+    gradient: list[IndexArray] = [np.empty(0, np.intp)]
+    k = 0
     for factors in graph.factors:
         kinds = factors.kind.variables
         blocks = [number[kind.name][factors.indices[:, s]] for s, kind in enumerate(kinds)]
@@ -191,12 +195,12 @@ def _scatter(
             # the block as it stands if slot s comes first in H, else its transpose
             flipped = (blocks[s] > blocks[t])[:, None, None]
             row, column = np.where(flipped, b, a), np.where(flipped, a, b)
-            target = pattern.base[entry[k]][:, None, None] + column * height + row
+            target: IndexArray = pattern.base[entry[k]][:, None, None] + column * height + row
             target[~use] = pattern.stored
             hessian.append(target.ravel())
             k += 1
         for s, kind in enumerate(kinds):
-            target = pattern.offsets[blocks[s]][:, None] + np.arange(kind.dimension)
-            target[blocks[s] < 0] = pattern.dimension
-            gradient.append(target.ravel())
+            rows = pattern.offsets[blocks[s]][:, None] + np.arange(kind.dimension)
+            rows[blocks[s] < 0] = pattern.dimension
+            gradient.append(rows.ravel())
     return Scatter(np.concatenate(hessian), np.concatenate(gradient))

@@ -56,4 +56,4 @@ def make(options: OptimizeOptions) -> Policy:
 
     if options.method == "lm":
         return LevenbergMarquardt(marquardt_scaling=options.scaling == "marquardt")
-    return {"gn": GaussNewton, "dogleg": Dogleg}[options.method]()
+    return Dogleg() if options.method == "dogleg" else GaussNewton()

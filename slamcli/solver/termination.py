@@ -100,6 +100,8 @@ class Termination:
             ratio = decrease / self._previous
             to_come = decrease * ratio / (1.0 - ratio) / chi2
             if to_come <= tolerance:
-                reason = f"relative decrease of chi2 still to come {to_come:.1e} (extrapolated) is below {tolerance:.0e}"
+                reason = (
+                    f"relative decrease of chi2 still to come {to_come:.1e} (extrapolated) is below {tolerance:.0e}"
+                )
                 return Verdict(Status.CONVERGED, reason)
         return None
