@@ -79,11 +79,9 @@ def merge_config(
     """
     if path is None:
         return given
-    merged = dict(given)
-    for key, value in _load_config(path, names).items():
-        if context.get_parameter_source(key) in (None, click.core.ParameterSource.DEFAULT):
-            merged[key] = value
-    return merged
+    defaults = (None, click.core.ParameterSource.DEFAULT)
+    config = _load_config(path, names)
+    return given | {key: value for key, value in config.items() if context.get_parameter_source(key) in defaults}
 
 
 def _load_config(path: str, names: tuple[str, ...]) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from slamcli.formats.recognize import by_name, recognize
 from slamcli.formats.records import Records, is_id
 from slamcli.formats.tokens import TokenizedText
 from slamcli.graph import Document, FactorGraph, Factors, ReadingReport, Variables
-from slamcli.graph.columns import IdArray, IndexArray, finite_rows
+from slamcli.graph.columns import BoolArray, IdArray, IndexArray, finite_rows
 from slamcli.models import VariableKind
 from slamcli.models.base import Array
 
@@ -66,12 +66,18 @@ class _Reader:
         self.dialect = records.dialect
         self.text = records.text
         self.notes: list[str] = []
-        self.edges = [e for e in self.dialect.edges if len(records.ids.get(e.tag, ()))]
+        self.measured: dict[str, tuple[Array, Array]] = {}
+
+    @property
+    def edges(self) -> list[EdgeTag]:
+        """The tags of which there are usable records."""
+        return [record for record in self.dialect.edges if len(self.records.ids.get(record.tag, ()))]
 
     def graph(self) -> FactorGraph:
         parameters = self._parameters()
         vertices = self._vertices()
         self._check_parameters(parameters)
+        self._decode_edges()
         created = self._missing(vertices)
         self.records.settle()
         variables = self._variables(vertices, created)
@@ -80,7 +86,6 @@ class _Reader:
         self.records.settle()
         if not variables:
             raise InputError(f"{self.records.path}: holds no vertex and no edge that slamcli can use")
-        factors = [column for column in factors if len(column)]
         document = self._document({name: column.values for name, column in variables.items()})
         return FactorGraph(variables, factors, parameters, document, self._report(variables, factors, created))
 
@@ -130,7 +135,7 @@ class _Reader:
 
     def _first_of_each(self, ids: IdArray, lines: IndexArray) -> IndexArray:
         """Rows of the first record of each id, in the order of the file; repeats are defects."""
-        order = np.argsort(ids, kind="stable")
+        order = np.lexsort((lines, ids))
         repeats = order[1:][ids[order[1:]] == ids[order[:-1]]]
         for k in np.sort(repeats).tolist():
             message = f"vertex {ids[k]} is defined twice"
@@ -155,7 +160,7 @@ class _Reader:
             clash = np.intersect1d(absent, np.concatenate(defined)) if defined else absent[:0]
             if len(clash):
                 self._refuse_other_kind(kind, clash)
-                missing[kind] = np.setdiff1d(absent, clash)
+                return self._missing(vertices)  # without the refused edges
         return missing
 
     def _refuse_other_kind(self, kind: VariableKind, clash: IdArray) -> None:
@@ -169,7 +174,7 @@ class _Reader:
                 first = ids[k, slots][wrong[k]][0]
                 message = f"{record.tag} needs a {kind.name} vertex, but {first} is of another kind"
                 self.records.defect(int(self.records.rows[record.tag].lines[k]), None, message)
-            self.records.drop(record.tag, ~any_wrong)
+            self._drop_edges(record, ~any_wrong)
 
     def _variables(self, vertices: Vertices, created: dict[VariableKind, IdArray]) -> dict[str, Variables]:
         """Columns of variables: those of the file, then those that only edges name."""
@@ -202,7 +207,7 @@ class _Reader:
                     found = token.decode("utf-8", "replace")
                     self.records.defect(line, offset, f"FIX expects ids, found {found!r}")
                     continue
-                rows = {name: _row_of(column, int(token)) for name, column in variables.items()}
+                rows = {name: column.row_of(int(token)) for name, column in variables.items()}
                 for name, row in rows.items():
                     if row >= 0:
                         fixed[name][row] = True
@@ -225,13 +230,27 @@ class _Reader:
                 self.records.defect(int(self.records.rows[record.tag].lines[k]), None, message, hint)
             self.records.drop(record.tag, good)
 
+    def _decode_edges(self) -> None:
+        """Measurements and information matrices of all edges."""
+        for record in self.edges:
+            measurement, information = self._measured(record)
+            self.measured[record.tag] = measurement, information
+            usable = finite_rows(measurement) & finite_rows(information)
+            for line in self.records.rows[record.tag].lines[~usable].tolist():
+                message = f"{record.tag} has a quaternion of zero length or an infinite information"
+                self.records.defect(line, None, message)
+            self._drop_edges(record, usable)
+
+    def _drop_edges(self, record: EdgeTag, keep: BoolArray) -> None:
+        """Leave out some edges, whose defects have been noted."""
+        if not keep.all():
+            self.records.drop(record.tag, keep)
+            measurement, information = self.measured[record.tag]
+            self.measured[record.tag] = measurement[keep], information[keep]
+
     def _factors(self, record: EdgeTag, variables: dict[str, Variables], parameters: dict[int, Array]) -> Factors:
         """One column of factors."""
-        measurement, information = self._measured(record)
-        usable = finite_rows(measurement) & finite_rows(information)
-        for line in self.records.rows[record.tag].lines[~usable].tolist():
-            self.records.defect(line, None, f"{record.tag} has a quaternion of zero length or an infinite information")
-        self.records.drop(record.tag, usable)
+        measurement, information = self.measured[record.tag]
         ids = self.records.ids[record.tag]
         slots = enumerate(record.kind.variables)
         offsets = parameter_ids = None
@@ -243,8 +262,8 @@ class _Reader:
         return Factors(
             kind=record.kind,
             indices=np.stack([variables[kind.name].rows_of(ids[:, slot]) for slot, kind in slots], axis=1),
-            measurements=measurement if usable.all() else measurement[usable],
-            information=information if usable.all() else information[usable],
+            measurements=measurement,
+            information=information,
             parameters=offsets,
             parameter_ids=parameter_ids,
             tag=record.tag,
@@ -295,7 +314,8 @@ class _Reader:
     ) -> ReadingReport:
         text, records = self.text, self.records
         names, index = text.tags
-        by_tag = {tag: len(rows.lines) for tag, rows in records.rows.items()}
+        ignored = sorted(records.ignored)
+        by_tag = {tag: int(np.count_nonzero(~np.isin(rows.lines, ignored))) for tag, rows in records.rows.items()}
         by_tag.update({column.tag: len(column) for column in factors})
         by_tag[str(self.dialect.fix)] = len(records.lines_of(self.dialect.fix))
         totals = np.bincount(index[index >= 0], minlength=len(names)).tolist()
@@ -318,11 +338,3 @@ class _Reader:
             created={kind.name: ids.tolist() for kind, ids in created.items() if len(ids)},
             notes=self.notes,
         )
-
-
-def _row_of(column: Variables, wanted: int) -> int:
-    """Row of one id, -1 if there is none."""
-    limits = np.iinfo(column.ids.dtype)
-    if not limits.min <= wanted <= limits.max:
-        return -1
-    return int(column.rows_of(np.array([wanted], dtype=column.ids.dtype))[0])

@@ -68,7 +68,8 @@ class TokenizedText:
     Attributes
     ----------
     line_start
-        (lines + 1,) byte offsets of the lines; the last entry is the length of the text.
+        (lines + 1,) byte offsets of the lines, the first behind a byte order mark; the last entry is the length of
+        the text.
     first
         (lines + 1,) index of each line's first token.
     counts
@@ -82,8 +83,8 @@ class TokenizedText:
         buffer = np.frombuffer(data, dtype=np.uint8)
         self._buffer = buffer
         inked = buffer > _BLANK
-        if data.startswith(_BOM):
-            inked[: len(_BOM)] = False
+        text_start = len(_BOM) if data.startswith(_BOM) else 0
+        inked[:text_start] = False
         before = np.empty_like(inked)
         before[:1] = False
         before[1:] = inked[:-1]
@@ -95,7 +96,7 @@ class TokenizedText:
         newlines = np.flatnonzero(buffer == _NEWLINE)
         ends_open = len(data) > 0 and (len(newlines) == 0 or newlines[-1] != len(data) - 1)
         tail = [len(data)] if ends_open else []
-        self.line_start: IndexArray = np.concatenate([[0], newlines + 1, tail]).astype(np.intp)
+        self.line_start: IndexArray = np.concatenate([[text_start], newlines + 1, tail]).astype(np.intp)
         self.first: IndexArray = np.searchsorted(self.token_start, self.line_start)
         self.counts: IndexArray = np.diff(self.first)
         hashes = np.flatnonzero(buffer[self.token_start] == _HASH)
@@ -148,14 +149,11 @@ class TokenizedText:
     def line(self, line: int) -> str:
         """Text of a line (from 0), without its end."""
         start, stop = self.line_start[line], self.line_start[line + 1]
-        return self.data[start:stop].decode("utf-8", "replace").lstrip("\ufeff").rstrip("\r\n")
+        return self.data[start:stop].decode("utf-8", "replace").rstrip("\r\n")
 
     def column(self, line: int, offset: int) -> int:
         """Column (from 1) of a byte offset in a line (from 0); a byte order mark does not count."""
-        start = int(self.line_start[line])
-        if line == 0 and self.data.startswith(_BOM):
-            start += len(_BOM)
-        return offset - start + 1
+        return offset - int(self.line_start[line]) + 1
 
     def end_column(self, line: int) -> int:
         """Column just behind the last token of a line (from 0)."""
@@ -216,9 +214,10 @@ class TokenizedText:
 
     def _parse_numbers(self, use: NDArray[np.bool_], lines: IndexArray) -> Array | None:
         """Numbers of the used lines, None where the parser met something that is not a number."""
-        if len(lines) == 0:
+        if not (self.counts[lines] > 1).any():
             return np.empty(0)
-        clean = self._buffer.copy()
+        clean = np.maximum(self._buffer, _BLANK)  # all control characters are blanks
+        clean[: self.line_start[0]] = _BLANK
         token = self.first[lines]
         start, length = self.token_start[token], self.token_stop[token] - self.token_start[token]
         for size in np.unique(length):

@@ -155,13 +155,16 @@ def _parameter_records(graph: FactorGraph, dialect: Dialect) -> list[str]:
 
 def _losses(graph: FactorGraph, dialect: Dialect) -> list[str]:
     """What a dialect cannot express."""
-    out = []
-    for column in graph.variables.values():
-        if dialect.vertex_tag(column.kind) is None:
-            out.append(f"{len(column)} {column.kind.name} vertices: {dialect.name} has no such vertex")
-    for factors in graph.factors:
-        if dialect.edge_tag(factors.kind) is None:
-            out.append(f"{len(factors)} {factors.tag or factors.kind.name} edges: {dialect.name} has no such edge")
+    out = [
+        f"{len(column)} {column.kind.name} vertices: {dialect.name} has no such vertex"
+        for column in graph.variables.values()
+        if dialect.vertex_tag(column.kind) is None
+    ]
+    out += [
+        f"{len(factors)} {factors.tag or factors.kind.name} edges: {dialect.name} has no such edge"
+        for factors in graph.factors
+        if dialect.edge_tag(factors.kind) is None
+    ]
     if graph.parameters and not dialect.parameters:
         out.append(f"{len(graph.parameters)} parameters: {dialect.name} has none")
     fixed = sum(int(np.count_nonzero(column.fixed)) for column in graph.variables.values())

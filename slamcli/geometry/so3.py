@@ -204,15 +204,10 @@ def local(x: Array, y: Array) -> Array:
 
 def to_matrix(x: Array) -> Array:
     """Return the rotation matrix of unit quaternions; (..., 4) to (..., 3, 3)."""
-    a, b, c, w = unpack(x)
-    a2, b2, c2 = 2.0 * a, 2.0 * b, 2.0 * c
-    aa, bb, cc = a2 * a, b2 * b, c2 * c
-    ab, ac, bc = a2 * b, a2 * c, b2 * c
-    wa, wb, wc = a2 * w, b2 * w, c2 * w
     out = np.empty((*np.shape(x)[:-1], 3, 3))
-    out[..., 0, 0], out[..., 0, 1], out[..., 0, 2] = 1.0 - (bb + cc), ab - wc, ac + wb
-    out[..., 1, 0], out[..., 1, 1], out[..., 1, 2] = ab + wc, 1.0 - (aa + cc), bc - wa
-    out[..., 2, 0], out[..., 2, 1], out[..., 2, 2] = ac - wb, bc + wa, 1.0 - (aa + bb)
+    for i, row in enumerate(matrix_rows(unpack(x))):
+        for j, entry in enumerate(row):
+            out[..., i, j] = entry
     return out
 
 
@@ -366,6 +361,20 @@ def cross(u: Components, v: Components) -> Components:
     """Return the three components of u x v."""
     (a, b, c), (d, e, f) = u, v
     return (b * f - c * e, c * d - a * f, a * e - b * d)
+
+
+def matrix_rows(q: Components) -> tuple[Components, Components, Components]:
+    """Return the rows of the rotation matrix of a unit quaternion, entry by entry."""
+    a, b, c, w = q
+    a2, b2, c2 = 2.0 * a, 2.0 * b, 2.0 * c
+    aa, bb, cc = a2 * a, b2 * b, c2 * c
+    ab, ac, bc = a2 * b, a2 * c, b2 * c
+    wa, wb, wc = a2 * w, b2 * w, c2 * w
+    return (
+        (1.0 - (bb + cc), ab - wc, ac + wb),
+        (ab + wc, 1.0 - (aa + cc), bc - wa),
+        (ac - wb, bc + wa, 1.0 - (aa + bb)),
+    )
 
 
 def rotate(q: Components, p: Components) -> Components:

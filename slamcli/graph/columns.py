@@ -6,7 +6,7 @@ Python object per pose or per edge.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -71,13 +71,20 @@ class Variables:
         rank[self._order[0]] = np.arange(len(self))
         return rank
 
+    def row_of(self, wanted: int) -> int:
+        """Row of one id, whatever its size, -1 if there is no such variable."""
+        limits = np.iinfo(self.ids.dtype)
+        if not limits.min <= wanted <= limits.max:
+            return -1
+        return int(self.rows_of(np.array([wanted], dtype=self.ids.dtype))[0])
+
     def rows_of(self, ids: IdArray) -> IndexArray:
-        """Rows of the given ids, -1 where there is no such variable."""
+        """Rows of the given ids (of the same dtype as the column's), -1 where there is no such variable."""
         if len(self) == 0:
             return np.full(np.shape(ids), -1, dtype=np.intp)
         order, sorted_ids = self._order
         first = sorted_ids[0]
-        if sorted_ids[-1] - first == len(self) - 1:  # no gaps: subtract instead of searching
+        if int(sorted_ids[-1]) - int(first) == len(self) - 1:  # no gaps: subtract instead of searching
             position = (ids - first).astype(np.intp)
             inside = (ids >= first) & (ids <= sorted_ids[-1])
             if inside.all():
@@ -122,6 +129,18 @@ class Factors:
 
     def __len__(self) -> int:
         return len(self.indices)
+
+    def part(self, rows: slice) -> Factors:
+        """Some of the factors; their arrays are views."""
+        return replace(
+            self,
+            indices=self.indices[rows],
+            measurements=self.measurements[rows],
+            information=self.information[rows],
+            parameters=None if self.parameters is None else self.parameters[rows],
+            parameter_ids=None if self.parameter_ids is None else self.parameter_ids[rows],
+            lines=self.lines[rows],
+        )
 
     def gather(self, values: Values) -> tuple[Array, ...]:
         """Values of the joined variables, one (m, size) array for each slot."""

@@ -102,10 +102,10 @@ class FactorGraph:
         for wanted in ids:
             found = False
             for name, column in columns.items():
-                rows = column.rows_of(id_array([wanted]))
-                if rows[0] >= 0:
+                row = column.row_of(wanted)
+                if row >= 0:
                     fixed = column.fixed.copy()
-                    fixed[rows] = True
+                    fixed[row] = True
                     columns[name] = replace(column, fixed=fixed)
                     found = True
             if not found:

@@ -20,6 +20,11 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
+def components(values: Array) -> list[Array]:
+    """The columns of (m, k) values, each contiguous: what runs over components runs twice as fast on them."""
+    return list(np.ascontiguousarray(values.T))
+
+
 @dataclass(frozen=True)
 class VariableKind:
     """A kind of variable: SE2 and SE3 poses, XY and XYZ points.
@@ -108,11 +113,30 @@ class FactorKind(ABC):
     def residual(self, x: tuple[Array, ...], measurement: Array, parameter: Array | None) -> Array:
         """Residuals ``(m, dimension)`` at the variables ``x``, one ``(m, size)`` array for each slot."""
 
-    @abstractmethod
     def linearize(
         self, x: tuple[Array, ...], measurement: Array, parameter: Array | None
     ) -> tuple[Array, tuple[Array, ...]]:
         """Residuals and their Jacobians ``(m, dimension, k)``, one for each slot of tangent dimension k."""
+        shape = (len(measurement), self.dimension)
+        residual = np.empty(shape)
+        jacobians = tuple(np.zeros((*shape, kind.dimension)) for kind in self.variables)
+        self.linearize_into(residual, jacobians, x, measurement, parameter)
+        return residual, jacobians
+
+    @abstractmethod
+    def linearize_into(
+        self,
+        residual: Array,
+        jacobians: tuple[Array, ...],
+        x: tuple[Array, ...],
+        measurement: Array,
+        parameter: Array | None,
+    ) -> None:
+        """``linearize`` into given arrays (any strides), so that a solver can reuse its buffers.
+
+        The Jacobians come with zeros, or with what an earlier call for the same kind has written: an
+        implementation writes all entries that can be nonzero and leaves the others alone.
+        """
 
     def __repr__(self) -> str:
         return f"<factor kind {self.name}>"

@@ -6,7 +6,6 @@ import numpy as np
 
 from slamcli.geometry import se2, se3, so2, so3
 from slamcli.models.base import Array, FactorKind
-from slamcli.models.relative_pose_3d import cross_columns
 from slamcli.models.variables import SE2, SE3, XY, XYZ
 
 
@@ -26,20 +25,24 @@ class PointObservation2D(FactorKind):
         """Residuals (m, 2) in metres."""
         return _in_frame_2d(x[0], x[1])[0] - measurement
 
-    def linearize(
-        self, x: tuple[Array, ...], measurement: Array, parameter: Array | None
-    ) -> tuple[Array, tuple[Array, ...]]:
-        """Residuals (m, 2) and Jacobians (m, 2, 3), (m, 2, 2)."""
+    def linearize_into(
+        self,
+        residual: Array,
+        jacobians: tuple[Array, ...],
+        x: tuple[Array, ...],
+        measurement: Array,
+        parameter: Array | None,
+    ) -> None:
+        """Residuals and Jacobians; see the base class."""
         local, cosine, sine = _in_frame_2d(x[0], x[1])
-        jacobian_pose = np.zeros((len(local), 2, 3))
+        jacobian_pose, jacobian_point = jacobians
+        np.subtract(local, measurement, out=residual)
         jacobian_pose[:, 0, 0] = jacobian_pose[:, 1, 1] = -1.0
         jacobian_pose[:, 0, 2] = local[:, 1]
         jacobian_pose[:, 1, 2] = -local[:, 0]
-        jacobian_point = np.empty((len(local), 2, 2))
         jacobian_point[:, 0, 0] = jacobian_point[:, 1, 1] = cosine
         jacobian_point[:, 0, 1] = sine
         jacobian_point[:, 1, 0] = -sine
-        return local - measurement, (jacobian_pose, jacobian_point)
 
 
 class Bearing2D(FactorKind):
@@ -63,23 +66,26 @@ class Bearing2D(FactorKind):
         local = _in_frame_2d(x[0], x[1])[0]
         return so2.wrap(measurement - np.arctan2(local[:, 1:], local[:, :1]))
 
-    def linearize(
-        self, x: tuple[Array, ...], measurement: Array, parameter: Array | None
-    ) -> tuple[Array, tuple[Array, ...]]:
-        """Residuals (m, 1) and Jacobians (m, 1, 3), (m, 1, 2)."""
+    def linearize_into(
+        self,
+        residual: Array,
+        jacobians: tuple[Array, ...],
+        x: tuple[Array, ...],
+        measurement: Array,
+        parameter: Array | None,
+    ) -> None:
+        """Residuals and Jacobians; see the base class."""
         local, cosine, sine = _in_frame_2d(x[0], x[1])
-        residual = so2.wrap(measurement - np.arctan2(local[:, 1:], local[:, :1]))
+        residual[:] = so2.wrap(measurement - np.arctan2(local[:, 1:], local[:, :1]))
+        jacobian_pose, jacobian_point = jacobians
         with np.errstate(divide="ignore", invalid="ignore"):
             # gradient of atan2(v, u) is (-v, u) / (u^2 + v^2)
             u, v = (local / np.square(local).sum(axis=1, keepdims=True)).T
-        jacobian_pose = np.empty((len(local), 1, 3))
         jacobian_pose[:, 0, 0] = -v
         jacobian_pose[:, 0, 1] = u
         jacobian_pose[:, 0, 2] = 1.0
-        jacobian_point = np.empty((len(local), 1, 2))
         jacobian_point[:, 0, 0] = u * sine + v * cosine
         jacobian_point[:, 0, 1] = v * sine - u * cosine
-        return residual, (jacobian_pose, jacobian_point)
 
 
 class PointObservation3D(FactorKind):
@@ -105,20 +111,25 @@ class PointObservation3D(FactorKind):
         local = so3.act(so3.inverse(x[0][:, 3:]), x[1] - x[0][:, :3])
         return so3.act(so3.inverse(parameter[:, 3:]), local - parameter[:, :3]) - measurement
 
-    def linearize(
-        self, x: tuple[Array, ...], measurement: Array, parameter: Array | None
-    ) -> tuple[Array, tuple[Array, ...]]:
-        """Residuals (m, 3) and Jacobians (m, 3, 6), (m, 3, 3)."""
+    def linearize_into(
+        self,
+        residual: Array,
+        jacobians: tuple[Array, ...],
+        x: tuple[Array, ...],
+        measurement: Array,
+        parameter: Array | None,
+    ) -> None:
+        """Residuals and Jacobians; see the base class."""
         assert parameter is not None
         pose_inverse, offset_inverse = so3.inverse(x[0][:, 3:]), so3.inverse(parameter[:, 3:])
         local = so3.act(pose_inverse, x[1] - x[0][:, :3])
-        residual = so3.act(offset_inverse, local - parameter[:, :3]) - measurement
+        np.subtract(so3.act(offset_inverse, local - parameter[:, :3]), measurement, out=residual)
         rotation = so3.to_matrix(offset_inverse)
-        jacobian_pose = np.empty((len(local), 3, 6))
+        jacobian_pose, jacobian_point = jacobians
         np.negative(rotation, out=jacobian_pose[:, :, :3])
-        jacobian_pose[:, :, 3:] = cross_columns(rotation, 2.0 * local)
-        jacobian_point = so3.to_matrix(so3.compose(offset_inverse, pose_inverse))
-        return residual, (jacobian_pose, jacobian_point)
+        # see RelativePose3D; each row of R times skew(v) is the cross product of that row with v
+        jacobian_pose[:, :, 3:] = np.cross(rotation, 2.0 * local[:, None, :])
+        jacobian_point[:] = so3.to_matrix(so3.compose(offset_inverse, pose_inverse))
 
 
 def _in_frame_2d(pose: Array, point: Array) -> tuple[Array, Array, Array]:

@@ -27,12 +27,18 @@ class PointDifference(FactorKind):
         """Residuals (m, space) in metres."""
         return x[1] - x[0] - measurement
 
-    def linearize(
-        self, x: tuple[Array, ...], measurement: Array, parameter: Array | None
-    ) -> tuple[Array, tuple[Array, ...]]:
-        """Residuals (m, space) and the constant Jacobians -I and I."""
-        eye = _identities(len(x[0]), self.dimension)
-        return x[1] - x[0] - measurement, (-eye, eye)
+    def linearize_into(
+        self,
+        residual: Array,
+        jacobians: tuple[Array, ...],
+        x: tuple[Array, ...],
+        measurement: Array,
+        parameter: Array | None,
+    ) -> None:
+        """Residuals and Jacobians; see the base class."""
+        residual[:] = x[1] - x[0] - measurement
+        jacobians[0][:] = -np.eye(self.dimension)
+        jacobians[1][:] = np.eye(self.dimension)
 
 
 class PointPrior(FactorKind):
@@ -52,13 +58,14 @@ class PointPrior(FactorKind):
         """Residuals (m, space) in metres."""
         return x[0] - measurement
 
-    def linearize(
-        self, x: tuple[Array, ...], measurement: Array, parameter: Array | None
-    ) -> tuple[Array, tuple[Array, ...]]:
-        """Residuals (m, space) and the constant Jacobian I."""
-        return x[0] - measurement, (_identities(len(x[0]), self.dimension),)
-
-
-def _identities(count: int, dimension: int) -> Array:
-    """A stack of identity matrices (count, dimension, dimension)."""
-    return np.broadcast_to(np.eye(dimension), (count, dimension, dimension))
+    def linearize_into(
+        self,
+        residual: Array,
+        jacobians: tuple[Array, ...],
+        x: tuple[Array, ...],
+        measurement: Array,
+        parameter: Array | None,
+    ) -> None:
+        """Residuals and Jacobians; see the base class."""
+        np.subtract(x[0], measurement, out=residual)
+        jacobians[0][:] = np.eye(self.dimension)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from slamcli.geometry import se3, so2, so3
-from slamcli.models.base import Array, FactorKind
-from slamcli.models.relative_pose_3d import cross_columns, vector_part_jacobian
+from slamcli.models.base import Array, FactorKind, components
+from slamcli.models.relative_pose_3d import vector_part_jacobian
 from slamcli.models.variables import SE2, SE3
 
 
@@ -33,15 +33,18 @@ class PosePrior2D(FactorKind):
         residual[:, 2] = so2.wrap(pose[:, 2] - z[:, 2])
         return residual
 
-    def linearize(
-        self, x: tuple[Array, ...], measurement: Array, parameter: Array | None
-    ) -> tuple[Array, tuple[Array, ...]]:
-        """Residuals (m, 3) and Jacobian (m, 3, 3)."""
-        residual = self.residual(x, measurement, parameter)
-        jacobian = np.zeros((len(residual), 3, 3))
-        jacobian[:, :2, :2] = _rotation_2d(residual[:, 2])
-        jacobian[:, 2, 2] = 1.0
-        return residual, (jacobian,)
+    def linearize_into(
+        self,
+        residual: Array,
+        jacobians: tuple[Array, ...],
+        x: tuple[Array, ...],
+        measurement: Array,
+        parameter: Array | None,
+    ) -> None:
+        """Residuals and Jacobians; see the base class."""
+        residual[:] = self.residual(x, measurement, parameter)
+        _rotation_2d(jacobians[0][:, :2, :2], residual[:, 2])
+        jacobians[0][:, 2, 2] = 1.0
 
 
 class PositionPrior2D(FactorKind):
@@ -56,13 +59,17 @@ class PositionPrior2D(FactorKind):
         """Residuals (m, 2) in metres."""
         return x[0][:, :2] - measurement
 
-    def linearize(
-        self, x: tuple[Array, ...], measurement: Array, parameter: Array | None
-    ) -> tuple[Array, tuple[Array, ...]]:
-        """Residuals (m, 2) and Jacobian (m, 2, 3)."""
-        jacobian = np.zeros((len(x[0]), 2, 3))
-        jacobian[:, :, :2] = _rotation_2d(x[0][:, 2])
-        return x[0][:, :2] - measurement, (jacobian,)
+    def linearize_into(
+        self,
+        residual: Array,
+        jacobians: tuple[Array, ...],
+        x: tuple[Array, ...],
+        measurement: Array,
+        parameter: Array | None,
+    ) -> None:
+        """Residuals and Jacobians; see the base class."""
+        np.subtract(x[0][:, :2], measurement, out=residual)
+        _rotation_2d(jacobians[0][:, :, :2], x[0][:, 2])
 
 
 class PosePrior3D(FactorKind):
@@ -88,22 +95,26 @@ class PosePrior3D(FactorKind):
         assert parameter is not None
         return se3.local(measurement, se3.compose(x[0], parameter))
 
-    def linearize(
-        self, x: tuple[Array, ...], measurement: Array, parameter: Array | None
-    ) -> tuple[Array, tuple[Array, ...]]:
-        """Residuals (m, 6) and Jacobian (m, 6, 6)."""
+    def linearize_into(
+        self,
+        residual: Array,
+        jacobians: tuple[Array, ...],
+        x: tuple[Array, ...],
+        measurement: Array,
+        parameter: Array | None,
+    ) -> None:
+        """Residuals and Jacobians; see the base class."""
         assert parameter is not None
-        residual = self.residual(x, measurement, parameter)
+        residual[:] = self.residual(x, measurement, parameter)
         to_pose = so3.compose(so3.inverse(measurement[:, 3:]), x[0][:, 3:])
         error = so3.compose(to_pose, parameter[:, 3:])
         sign = np.where(error[:, 3] < 0.0, -1.0, 1.0)
         rotation = so3.to_matrix(to_pose)
-        jacobian = np.zeros((len(residual), 6, 6))
+        jacobian = jacobians[0]
         jacobian[:, :3, :3] = rotation
         # t_i + R_i (I + 2[d]x) t_p moves by -2 R_i [t_p]x d
-        jacobian[:, :3, 3:] = cross_columns(rotation, -2.0 * parameter[:, :3])
-        jacobian[:, 3:, 3:] = vector_part_jacobian(to_pose, parameter[:, 3:], sign)
-        return residual, (jacobian,)
+        jacobian[:, :3, 3:] = np.cross(rotation, -2.0 * parameter[:, None, :3])
+        vector_part_jacobian(jacobian[:, 3:, 3:], components(to_pose), components(parameter[:, 3:]), sign)
 
 
 class PositionPrior3D(FactorKind):
@@ -122,19 +133,21 @@ class PositionPrior3D(FactorKind):
         """Residuals (m, 3) in metres."""
         return x[0][:, :3] - measurement
 
-    def linearize(
-        self, x: tuple[Array, ...], measurement: Array, parameter: Array | None
-    ) -> tuple[Array, tuple[Array, ...]]:
-        """Residuals (m, 3) and Jacobian (m, 3, 6)."""
-        jacobian = np.zeros((len(x[0]), 3, 6))
-        jacobian[:, :, :3] = so3.to_matrix(x[0][:, 3:])
-        return x[0][:, :3] - measurement, (jacobian,)
+    def linearize_into(
+        self,
+        residual: Array,
+        jacobians: tuple[Array, ...],
+        x: tuple[Array, ...],
+        measurement: Array,
+        parameter: Array | None,
+    ) -> None:
+        """Residuals and Jacobians; see the base class."""
+        np.subtract(x[0][:, :3], measurement, out=residual)
+        jacobians[0][:, :, :3] = so3.to_matrix(x[0][:, 3:])
 
 
-def _rotation_2d(angle: Array) -> Array:
-    """Rotation matrices (m, 2, 2)."""
-    out = np.empty((len(angle), 2, 2))
+def _rotation_2d(out: Array, angle: Array) -> None:
+    """Write rotation matrices (m, 2, 2)."""
     out[:, 0, 0] = out[:, 1, 1] = np.cos(angle)
     out[:, 1, 0] = np.sin(angle)
     out[:, 0, 1] = -out[:, 1, 0]
-    return out

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from slamcli.geometry import se2, so2
-from slamcli.models.base import Array, FactorKind
+from slamcli.models.base import Array, FactorKind, components
 from slamcli.models.variables import SE2
 
 
@@ -37,15 +37,21 @@ class RelativePose2D(FactorKind):
 
     def residual(self, x: tuple[Array, ...], measurement: Array, parameter: Array | None) -> Array:
         """Residuals (m, 3): x, y in metres, theta in radians."""
-        return _residual(x[0], x[1], measurement)[0]
+        residual = np.empty((len(measurement), 3))
+        _residual(residual, x[0], x[1], measurement)
+        return residual
 
-    def linearize(
-        self, x: tuple[Array, ...], measurement: Array, parameter: Array | None
-    ) -> tuple[Array, tuple[Array, ...]]:
-        """Residuals (m, 3) and Jacobians 2 x (m, 3, 3) for the local steps of poses i and j."""
-        residual, u, v, cos_z, sin_z = _residual(x[0], x[1], measurement)
-        m = len(residual)
-        jacobian_i = np.zeros((m, 3, 3))
+    def linearize_into(
+        self,
+        residual: Array,
+        jacobians: tuple[Array, ...],
+        x: tuple[Array, ...],
+        measurement: Array,
+        parameter: Array | None,
+    ) -> None:
+        """Residuals and Jacobians; see the base class."""
+        u, v, cos_z, sin_z = _residual(residual, x[0], x[1], measurement)
+        jacobian_i, jacobian_j = jacobians
         jacobian_i[:, 0, 0] = -cos_z
         jacobian_i[:, 0, 1] = -sin_z
         jacobian_i[:, 1, 0] = sin_z
@@ -56,24 +62,22 @@ class RelativePose2D(FactorKind):
         jacobian_i[:, 2, 2] = -1.0
         # R(phi)^T R_i^T R_j is the rotation by the residual angle itself
         cos_e, sin_e = np.cos(residual[:, 2]), np.sin(residual[:, 2])
-        jacobian_j = np.zeros((m, 3, 3))
         jacobian_j[:, 0, 0] = cos_e
         jacobian_j[:, 0, 1] = -sin_e
         jacobian_j[:, 1, 0] = sin_e
         jacobian_j[:, 1, 1] = cos_e
         jacobian_j[:, 2, 2] = 1.0
-        return residual, (jacobian_i, jacobian_j)
 
 
-def _residual(pose_i: Array, pose_j: Array, z: Array) -> tuple[Array, Array, Array, Array, Array]:
-    """Residual, (u, v) = R_i^T (t_j - t_i), and the cosine and sine of the measured angle."""
-    cos_i, sin_i = np.cos(pose_i[:, 2]), np.sin(pose_i[:, 2])
-    dx, dy = pose_j[:, 0] - pose_i[:, 0], pose_j[:, 1] - pose_i[:, 1]
+def _residual(residual: Array, pose_i: Array, pose_j: Array, z: Array) -> tuple[Array, Array, Array, Array]:
+    """Write the residual; return (u, v) = R_i^T (t_j - t_i), and the cosine and sine of the measured angle."""
+    (xi, yi, theta_i), (xj, yj, theta_j), (zx, zy, phi) = components(pose_i), components(pose_j), components(z)
+    cos_i, sin_i = np.cos(theta_i), np.sin(theta_i)
+    dx, dy = xj - xi, yj - yi
     u, v = cos_i * dx + sin_i * dy, cos_i * dy - sin_i * dx
-    cos_z, sin_z = np.cos(z[:, 2]), np.sin(z[:, 2])
-    a, b = u - z[:, 0], v - z[:, 1]
-    residual = np.empty((len(z), 3))
+    cos_z, sin_z = np.cos(phi), np.sin(phi)
+    a, b = u - zx, v - zy
     residual[:, 0] = cos_z * a + sin_z * b
     residual[:, 1] = cos_z * b - sin_z * a
-    residual[:, 2] = so2.wrap(pose_j[:, 2] - pose_i[:, 2] - z[:, 2])
-    return residual, u, v, cos_z, sin_z
+    residual[:, 2] = so2.wrap(theta_j - theta_i - phi)
+    return u, v, cos_z, sin_z

@@ -9,17 +9,20 @@ With e(x + J delta) to first order, chi2(x (+) delta) = chi2 + 2 g^T delta + del
 
 from __future__ import annotations
 
-import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from slamcli.graph import FactorGraph
+from slamcli.graph import FactorGraph, Factors
 from slamcli.graph.columns import IndexArray, Values
 from slamcli.models.base import Array
 from slamcli.solver import pattern as patterns
 from slamcli.solver.gauge import Held
 from slamcli.solver.stopwatch import Stopwatch
+
+#: Numbers in one of a batch's arrays: a few of these together stay within a core's second-level cache.
+_BATCH_NUMBERS = 120_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +58,9 @@ class LinearSystem:
 
 
 class Linearizer:
-    """Linearizes one graph at any number of states; pattern and scatter are built once.
+    """Linearizes one graph at any number of states; pattern and targets are built once.
+
+    The factors are taken in batches whose arrays fit in the processor's cache together.
 
     Parameters
     ----------
@@ -71,38 +76,22 @@ class Linearizer:
         self.graph = graph
         self.stopwatch = stopwatch
         self.free = {name: np.flatnonzero(~held[name]) for name in graph.variables}
-        self.pattern, self._scatter = patterns.build(graph, held)
-        self._hessian_parts = np.empty(len(self._scatter.hessian))
-        self._gradient_parts = np.empty(len(self._scatter.gradient))
+        self.pattern, targets = patterns.build(graph, held)
+        self._batches = [
+            batch for factors, slots in zip(graph.factors, targets, strict=True) for batch in _batches(factors, slots)
+        ]
 
     def linearize(self, values: Values) -> LinearSystem:
         """chi2, gradient and H at a state."""
-        chi2, h, g = 0.0, 0, 0
-        with self.stopwatch.phase("linearize"), np.errstate(all="ignore"):
-            for factors in self.graph.factors:
-                residual, jacobians = factors.linearize(values)
-                weighted = np.matvec(factors.information, residual)
-                chi2 += float(np.vecdot(residual, weighted).sum())
-                products = [factors.information @ jacobian for jacobian in jacobians]
-                transposed = [jacobian.transpose(0, 2, 1) for jacobian in jacobians]
-                for s, left in enumerate(transposed):
-                    for right in products[s:]:
-                        h = self._multiply(self._hessian_parts, h, left, right)
-                for left in transposed:
-                    g = self._multiply(self._gradient_parts, g, left, weighted[:, :, None])
-        with self.stopwatch.phase("assemble"):
-            stored, dimension = self.pattern.stored, self.pattern.dimension
-            hessian = _summed(self._scatter.hessian, self._hessian_parts, stored)
-            gradient = _summed(self._scatter.gradient, self._gradient_parts, dimension)
-        return LinearSystem(values, chi2, hessian, gradient)
-
-    @staticmethod
-    def _multiply(buffer: Array, start: int, left: Array, right: Array) -> int:
-        """Batched product into the next part of a buffer; returns where the part ends."""
-        shape = (len(left), left.shape[1], right.shape[2])
-        stop = start + math.prod(shape)
-        np.matmul(left, right, out=buffer[start:stop].reshape(shape))
-        return stop
+        stored, dimension = self.pattern.stored, self.pattern.dimension
+        total, chi2 = np.zeros(stored + dimension + 1), 0.0
+        with np.errstate(all="ignore"):
+            for batch in self._batches:
+                with self.stopwatch.phase("linearize"):
+                    chi2 += batch.linearize(values)
+                with self.stopwatch.phase("assemble"):
+                    batch.add_to(total)
+        return LinearSystem(values, chi2, total[:stored], total[stored : stored + dimension])
 
     def chi2(self, values: Values) -> float:
         """chi2 at a state, without the derivatives."""
@@ -124,6 +113,55 @@ class Linearizer:
         return out
 
 
-def _summed(targets: IndexArray, parts: Array, count: int) -> Array:
-    """Parts added up by target; the targets behind the last one are held variables and fall away."""
-    return np.asarray(np.bincount(targets, parts, count + 1)[:count], dtype=np.float64)
+class _Batch:
+    """Factors that are linearized together, with buffers for ``[J_1 ... J_n, e]`` and the products with it."""
+
+    def __init__(self, factors: Factors, targets: list[IndexArray], workspace: _Workspace) -> None:
+        self._factors = factors
+        self._targets = [slot.ravel() for slot in targets]
+        m = len(factors)
+        self._augmented, self._weighted = workspace.augmented[:m], workspace.weighted[:m]
+        ends = np.cumsum([kind.dimension for kind in factors.kind.variables]).tolist()
+        starts = [0, *ends[:-1]]
+        self._jacobians = tuple(self._augmented[:, :, a:b] for a, b in zip(starts, ends, strict=True))
+        self._products = [
+            (jacobian.transpose(0, 2, 1), self._weighted[:, :, start:], product[: slot.size].reshape(slot.shape))
+            for jacobian, start, slot, product in zip(self._jacobians, starts, targets, workspace.products, strict=True)
+        ]
+
+    def linearize(self, values: Values) -> float:
+        """Fill the buffers at a state and return the chi2 of the batch."""
+        factors = self._factors
+        residual = self._augmented[:, :, -1]
+        factors.kind.linearize_into(
+            residual, self._jacobians, factors.gather(values), factors.measurements, factors.parameters
+        )
+        np.matmul(factors.information, self._augmented, out=self._weighted)
+        for transposed, weighted, product in self._products:
+            np.matmul(transposed, weighted, out=product)
+        return float(np.vecdot(residual, self._weighted[:, :, -1]).sum())
+
+    def add_to(self, total: Array) -> None:
+        """Add the products to the stored values of H and the gradient."""
+        for target, (_, _, product) in zip(self._targets, self._products, strict=True):
+            np.add.at(total, target, product.ravel())
+
+
+class _Workspace:
+    """Buffers that all batches of one column of factors share."""
+
+    def __init__(self, factors: Factors, targets: list[IndexArray], size: int) -> None:
+        width = 1 + sum(kind.dimension for kind in factors.kind.variables)
+        shape = (size, factors.kind.dimension, width)
+        self.augmented, self.weighted = np.zeros(shape), np.empty(shape)
+        self.products = [np.empty(size * slot.shape[1] * slot.shape[2]) for slot in targets]
+
+
+def _batches(factors: Factors, targets: list[IndexArray]) -> Iterator[_Batch]:
+    """Cut a column of factors into batches."""
+    width = 1 + sum(kind.dimension for kind in factors.kind.variables)
+    size = min(len(factors), max(256, _BATCH_NUMBERS // (factors.kind.dimension * width)))
+    workspace = _Workspace(factors, targets, size)
+    for start in range(0, len(factors), size):
+        rows = slice(start, start + size)
+        yield _Batch(factors.part(rows), [slot[rows] for slot in targets], workspace)

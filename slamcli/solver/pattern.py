@@ -110,28 +110,24 @@ def _repeated_ranges(start: IndexArray, length: IndexArray, times: IndexArray) -
     return np.arange(int(ends[-1]) if len(ends) else 0) + np.repeat(start - ends + length, length)
 
 
-@dataclass(frozen=True, eq=False)
-class Scatter:
-    """Where the contributions of all factors go.
-
-    The contributions are laid out one after the other in two buffers, for H and for the gradient; ``np.bincount``
-    over the targets adds them up. What belongs to held variables goes to one extra bin.
-
-    Attributes
-    ----------
-    hessian, gradient
-        Target of each entry of the buffers.
-    """
-
-    hessian: IndexArray
-    gradient: IndexArray
+#: For each column of factors and each of its slots: where the entries of the slot's products go.
+Targets = list[list[IndexArray]]
 
 
-def build(graph: FactorGraph, held: Held) -> tuple[BlockPattern, Scatter]:
-    """Block pattern of the Hessian of a graph, and where each factor's contributions go in it.
+def build(graph: FactorGraph, held: Held) -> tuple[BlockPattern, Targets]:
+    """Block pattern of the Hessian of a graph, and where each factor's contributions go.
 
-    Block variables are the free variables, kind by kind in the order of the graph's columns. The contributions of a
-    column of factors are, in this order, the blocks J_s^T Omega J_t of its slots s <= t, each (m, d_s, d_t).
+    Block variables are the free variables, kind by kind in the order of the graph's columns.
+
+    Returns
+    -------
+    pattern
+        Of H.
+    targets
+        For each column of factors and each slot s, (m, d_s, w) positions of the entries of
+        ``J_s^T Omega [J_s ... J_last, e]``: the blocks of H of this slot and all later ones, and the gradient.
+        Positions below ``pattern.stored`` are stored values of H, the next ``pattern.dimension`` are the gradient,
+        and one more takes what belongs to held variables.
     """
     number, sizes = _block_numbers(graph, held)
     count = len(sizes)
@@ -145,8 +141,44 @@ def build(graph: FactorGraph, held: Held) -> tuple[BlockPattern, Scatter]:
     skipped = int(len(unique) > 0 and unique[0] < 0)
     columns, rows = np.divmod(unique[skipped:], max(count, 1))
     pattern = BlockPattern(sizes, rows, columns)
-    entry = np.split(inverse - skipped, np.cumsum([len(k) for k in keys])[:-1])
-    return pattern, _scatter(graph, pattern, number, entry)
+    entries = iter(np.split(inverse - skipped, np.cumsum([len(k) for k in keys])[:-1]))
+    targets = []
+    for factors in graph.factors:
+        kinds = factors.kind.variables
+        blocks = [number[kind.name][factors.indices[:, s]] for s, kind in enumerate(kinds)]
+        parts: list[list[IndexArray]] = [[] for _ in kinds]
+        for s, t, _, high, use in _slot_pairs(blocks):
+            flipped = blocks[s] > blocks[t]
+            shape = (kinds[s].dimension, kinds[t].dimension)
+            parts[s].append(_block_targets(pattern, next(entries), high, flipped, use, shape))
+        for s, kind in enumerate(kinds):
+            parts[s].append(_gradient_targets(pattern, blocks[s], kind.dimension))
+        targets.append([np.concatenate(part, axis=2) for part in parts])
+    return pattern, targets
+
+
+def _block_targets(
+    pattern: BlockPattern,
+    entry: IndexArray,
+    high: IndexArray,
+    flipped: BoolArray,
+    use: BoolArray,
+    shape: tuple[int, int],
+) -> IndexArray:
+    """Positions (m, *shape) of the entries of the slots' blocks: as they stand, or transposed where flipped."""
+    a, b = np.arange(shape[0])[None, :, None], np.arange(shape[1])[None, None, :]
+    row, column = np.where(flipped[:, None, None], b, a), np.where(flipped[:, None, None], a, b)
+    first, height = pattern.base[entry][:, None, None], pattern.heights[high][:, None, None]
+    targets = np.asarray(first + column * height + row, dtype=np.intp)
+    targets[~use] = pattern.stored + pattern.dimension
+    return targets
+
+
+def _gradient_targets(pattern: BlockPattern, blocks: IndexArray, dimension: int) -> IndexArray:
+    """Positions (m, dimension, 1) of the gradient's entries."""
+    targets = pattern.stored + pattern.offsets[blocks][:, None, None] + np.arange(dimension)[None, :, None]
+    targets[blocks < 0] = pattern.stored + pattern.dimension
+    return targets
 
 
 def _block_numbers(graph: FactorGraph, held: Held) -> tuple[dict[str, IndexArray], IndexArray]:
@@ -177,30 +209,3 @@ def _slot_pairs(blocks: list[IndexArray]) -> list[tuple[int, int, IndexArray, In
             use = proper & (blocks[s] >= 0) & (blocks[t] >= 0) if t > s or len(blocks) > 1 else blocks[s] >= 0
             pairs.append((s, t, np.minimum(blocks[s], blocks[t]), np.maximum(blocks[s], blocks[t]), use))
     return pairs
-
-
-def _scatter(
-    graph: FactorGraph, pattern: BlockPattern, number: dict[str, IndexArray], entry: list[IndexArray]
-) -> Scatter:
-    hessian: list[IndexArray] = [np.empty(0, np.intp)]
-    gradient: list[IndexArray] = [np.empty(0, np.intp)]
-    k = 0
-    for factors in graph.factors:
-        kinds = factors.kind.variables
-        blocks = [number[kind.name][factors.indices[:, s]] for s, kind in enumerate(kinds)]
-        for s, t, _, high, use in _slot_pairs(blocks):
-            a = np.arange(kinds[s].dimension)[None, :, None]
-            b = np.arange(kinds[t].dimension)[None, None, :]
-            height = pattern.heights[high][:, None, None]
-            # the block as it stands if slot s comes first in H, else its transpose
-            flipped = (blocks[s] > blocks[t])[:, None, None]
-            row, column = np.where(flipped, b, a), np.where(flipped, a, b)
-            target: IndexArray = pattern.base[entry[k]][:, None, None] + column * height + row
-            target[~use] = pattern.stored
-            hessian.append(target.ravel())
-            k += 1
-        for s, kind in enumerate(kinds):
-            rows = pattern.offsets[blocks[s]][:, None] + np.arange(kind.dimension)
-            rows[blocks[s] < 0] = pattern.dimension
-            gradient.append(rows.ravel())
-    return Scatter(np.concatenate(hessian), np.concatenate(gradient))

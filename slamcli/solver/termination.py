@@ -67,11 +67,10 @@ class Termination:
         ``model_decrease``, the decrease that the full Gauss-Newton step promises from here.
         """
         verdict = self._converged(step, decrease)
-        if verdict is not None and step.kind != "gauss-newton":
-            promised = model_decrease() / step.system.chi2
-            if promised > _CONFIRM * self._options.tolerance:
-                stuck = Verdict(Status.NOT_CONVERGED, f"no step lowers chi2 after {step.trials} trials")
-                verdict = None if step.accepted else stuck
+        least = _CONFIRM * self._options.tolerance * step.system.chi2
+        if verdict is not None and step.kind != "gauss-newton" and model_decrease() > least:
+            stuck = Verdict(Status.NOT_CONVERGED, f"no step lowers chi2 after {step.trials} trials")
+            verdict = None if step.accepted else stuck
         if verdict is not None:
             return verdict
         if step.accepted:
