@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from slamcli.cli.options import DIALECTS, input_options, warn
+from slamcli.cli.options import DIALECTS, FILE, input_options, warn
 
 _EXAMPLES = """\b
 Examples:
@@ -15,8 +15,12 @@ Examples:
 
 @click.command(name="convert", epilog=_EXAMPLES)
 @input_options
-@click.argument("output", metavar="OUTPUT")
-@click.option("--to", type=click.Choice(DIALECTS), help="Format to write.  [default: that of INPUT]")
+@click.argument("output", metavar="OUTPUT", type=FILE)
+@click.option(
+    "--to",
+    type=click.Choice(DIALECTS),
+    help="Format to write.  [default: by OUTPUT's ending (.g2o, .toro, .graph), else that of INPUT]",
+)
 def command(input: str, output: str, dialect: str | None, lenient: bool, to: str | None) -> int:
     """Convert the graph INPUT to OUTPUT (- is standard input or output).
 
@@ -24,9 +28,10 @@ def command(input: str, output: str, dialect: str | None, lenient: bool, to: str
     standard error. Without a change of format the bytes stay as they are.
     """
     from slamcli.formats import read, write
+    from slamcli.formats.recognize import of_ending
     from slamcli.reporting import summaries
 
     graph = read(input, dialect=dialect, lenient=lenient)
     warn(summaries.reading_warnings(graph.report))
-    warn([f"not carried over: {loss}" for loss in write(graph, output, dialect=to)])
+    warn([f"not carried over: {loss}" for loss in write(graph, output, dialect=to or of_ending(output))])
     return 0

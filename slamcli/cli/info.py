@@ -23,7 +23,7 @@ Examples:
     help="List the N edges with the largest chi2, with their lines.",
 )
 @json_option
-def command(input: str, dialect: str | None, lenient: bool, worst: int, as_json: bool) -> int:
+def command(input: str, dialect: str | None, lenient: bool, worst: int, json: bool) -> int:
     """Describe the graph INPUT (g2o or TORO, - is standard input).
 
     What was read and skipped, counts by tag, ids, connectivity, degrees, loop closures, extent, chi2 at the file's
@@ -37,7 +37,7 @@ def command(input: str, dialect: str | None, lenient: bool, worst: int, as_json:
     warn(summaries.reading_warnings(graph.report))
     description = describe(graph)
     edges = worst_edges(graph, worst) if description.chi2 is not None else []
-    if as_json:
+    if json:
         print(documents.dumps(documents.info_document(graph, description, edges)))
     else:
         print(*summaries.info_summary(graph, description), *summaries.worst_table(edges), sep="\n")

@@ -22,6 +22,8 @@ def main(arguments: list[str] | None = None) -> int:
         Words behind ``slamcli``; those of the process if None.
     """
     words = sys.argv[1:] if arguments is None else arguments
+    if sys.stdout is None:  # closed by the caller, who wants no output
+        sys.stdout = open(os.devnull, "w")  # noqa: SIM115
     try:
         return _run(words)
     except SlamcliError as error:
@@ -30,6 +32,10 @@ def main(arguments: list[str] | None = None) -> int:
     except BrokenPipeError:
         _silence_stdout()
         return int(ExitCode.BROKEN_PIPE)
+    except OSError as error:  # files have messages of their own: this is standard output, on a full disk
+        _silence_stdout()
+        _say_error(f"standard output cannot be written: {error.strerror}", ())
+        return int(ExitCode.INVALID_INPUT)
     except KeyboardInterrupt:
         print("slamcli: interrupted", file=sys.stderr)
         return int(ExitCode.INTERRUPTED)
@@ -38,22 +44,30 @@ def main(arguments: list[str] | None = None) -> int:
 def _run(words: list[str]) -> int:
     if "_SLAMCLI_COMPLETE" not in os.environ:  # the shell asks click for completions
         if not words or words in (["--help"], ["-h"]):
-            print(help_text())
-            sys.stdout.flush()
+            print(help_text(), flush=True)
             return int(ExitCode.SUCCESS if words else ExitCode.USAGE)
         if words == ["--version"]:
-            print(version_text())
+            print(version_text(), flush=True)
             return int(ExitCode.SUCCESS)
     import click
 
+    group = build_group()
+    if "_SLAMCLI_COMPLETE" in os.environ:
+        group.main(args=words, prog_name="slamcli")  # answers the shell and exits
     try:
-        code = build_group().main(args=words, prog_name="slamcli", standalone_mode=False)
+        # not group.main(): it would swallow broken pipes
+        with group.make_context("slamcli", list(words)) as context:
+            code = group.invoke(context)
         sys.stdout.flush()
         return int(code or 0)
+    except click.exceptions.Exit as end:
+        sys.stdout.flush()
+        return int(end.exit_code)
     except click.exceptions.Abort:
         raise KeyboardInterrupt from None
-    except click.ClickException as error:
-        error.show()
+    except click.UsageError as error:
+        usage = [error.ctx.get_usage()] if error.ctx else []
+        print(*usage, f"error: {error.format_message()}", sep="\n", file=sys.stderr)
         return int(ExitCode.USAGE)
 
 

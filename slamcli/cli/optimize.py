@@ -12,6 +12,7 @@ from typing import Any
 import click
 
 from slamcli.cli.options import (
+    FILE,
     color_option,
     input_options,
     json_option,
@@ -28,6 +29,8 @@ Examples:
   slamcli optimize graph.g2o --method lm --trace trace.jsonl --json > result.json
   zcat graph.g2o.gz | slamcli optimize - --init spanning-tree -o - | gzip > out.g2o.gz
 
+Every option can be set by an environment variable: SLAMCLI_OPTIMIZE_METHOD=lm.
+
 \b
 Exit codes: 0 converged, 2 usage, 3 invalid input, 4 not converged (the result is
 written), 5 numerical failure (nothing is written), 130 interrupted (the result so far
@@ -37,7 +40,7 @@ is written).
 
 @click.command(name="optimize", epilog=_EXAMPLES)
 @input_options
-@click.option("-o", "--output", metavar="FILE", help="Write the optimized graph; - is standard output.")
+@click.option("-o", "--output", type=FILE, metavar="FILE", help="Write the optimized graph; - is standard output.")
 @click.option(
     "--method",
     type=click.Choice(METHODS),
@@ -73,8 +76,10 @@ is written).
     show_default=True,
     help="Damping of lm: lambda on the diagonal (none, as g2o) or lambda times the diagonal.",
 )
-@click.option("--config", metavar="FILE", help="YAML file with values for the options above; flags beat it.")
-@click.option("--trace", metavar="FILE", help="Write one JSON line for each iteration; - is standard output.")
+@click.option("--config", type=FILE, metavar="FILE", help="YAML file with values for the options above; flags beat it.")
+@click.option(
+    "--trace", type=FILE, metavar="FILE", help="Write one JSON line for each iteration; - is standard output."
+)
 @click.option("--g2o-log", is_flag=True, help="Print g2o's line for each iteration on standard error.")
 @click.option(
     "--worst",
@@ -101,11 +106,9 @@ def command(context: click.Context, /, input: str, **given: Any) -> int:
 
 
 def _optimize(path: str, options: OptimizeOptions, given: dict[str, Any]) -> int:
-    from slamcli.formats import read, write
-    from slamcli.formats.source import write_bytes
+    from slamcli.formats import read
     from slamcli.graph import analyze
-    from slamcli.graph.describe import worst_edges
-    from slamcli.reporting import documents, summaries
+    from slamcli.reporting import summaries
     from slamcli.solver.optimize import optimize
 
     times: dict[str, float] = {}
@@ -121,32 +124,65 @@ def _optimize(path: str, options: OptimizeOptions, given: dict[str, Any]) -> int
     if failed:
         print(f"error: {result.reason}", *(f"  {line}" for line in result.diagnosis), sep="\n", file=sys.stderr)
     before = time.perf_counter()
-    if given["output"] and not failed:
-        warn(write(result.graph, given["output"]))
-    elif given["output"]:
-        print(f"  nothing is written to {given['output']}", file=sys.stderr)
+    written = _write(result, given)
     if given["trace"]:
-        events = documents.trace_events(graph, options, result)
-        lines = "".join(documents.dumps(event, indent=None) + "\n" for event in events)
-        write_bytes(given["trace"], lines.encode())
+        _write_trace(graph, result, given["trace"])
     times["write"] = time.perf_counter() - before
     topology = analyze(graph)
-    worst = worst_edges(result.graph, given["worst"])
+    worst = _worst(result, given["worst"])
     times["total"] = time.perf_counter() - started
-    if given["as_json"]:
-        document = documents.optimize_document(graph, topology, result, worst, times, _peak_memory())
+    memory = _peak_memory()
+    if given["json"]:
+        from slamcli.reporting import documents
+
+        document = documents.optimize_document(graph, topology, result, worst, times, memory)
         print(documents.dumps(document))
     elif not given["quiet"]:
         out = sys.stderr if "-" in (given["output"], given["trace"]) else sys.stdout
         colour = use_color(given["color"], out)
-        lines_out = summaries.optimize_summary(graph, topology, result, worst, times, _peak_memory(), colour)
-        print(*lines_out, sep="\n", file=out)
+        lines = summaries.optimize_summary(graph, topology, result, worst, times, memory, written, colour)
+        print(*lines, sep="\n", file=out)
     return int(result.exit_code)
+
+
+def _write(result: Any, given: dict[str, Any]) -> str:
+    """Write the optimized graph if that was asked for and there is one; say what came of it."""
+    from slamcli.formats import write
+    from slamcli.formats.recognize import of_ending
+
+    output = given["output"]
+    if not output:
+        return "nothing (-o FILE keeps the optimized graph)"
+    if result.status == "numerical_failure":
+        print(f"  nothing is written to {output}", file=sys.stderr)
+        return "nothing"
+    losses = write(result.graph, output)
+    own = result.graph.report.format
+    if of_ending(output) not in (None, own):
+        losses.append(f"{output} holds {own}, the format of the input: slamcli convert changes it")
+    warn(losses)
+    return "standard output" if output == "-" else str(output)
+
+
+def _write_trace(graph: Any, result: Any, path: str) -> None:
+    from slamcli.formats.source import write_bytes
+    from slamcli.reporting import documents
+
+    events = documents.trace_events(graph, result.options, result)
+    write_bytes(path, "".join(documents.dumps(event, indent=None) + "\n" for event in events).encode())
+
+
+def _worst(result: Any, count: int) -> list[Any]:
+    if count == 0:
+        return []
+    from slamcli.graph.describe import worst_edges
+
+    return worst_edges(result.graph, count)
 
 
 def _check_streams(given: dict[str, Any]) -> None:
     """Standard output carries one thing."""
-    takers = [name for name in ("output", "trace") if given[name] == "-"] + ["json"] * given["as_json"]
+    takers = [name for name in ("output", "trace") if given[name] == "-"] + ["json"] * given["json"]
     if len(takers) > 1:
         raise UsageError(
             f"--{takers[0]} and --{takers[1]} both want standard output", ("  write one of them to a file",)
@@ -189,7 +225,7 @@ def _watcher(edges: int, given: dict[str, Any]) -> Any:
 
     def rows(chi2: float, record: Any) -> None:
         if record is None:
-            print(iterations.HEADER, file=sys.stderr)
+            print(iterations.header(given["method"]), file=sys.stderr)
         print(iterations.line(chi2, record), file=sys.stderr)
 
     return rows

@@ -15,6 +15,9 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 DIALECTS = ("g2o", "toro")
 
+#: A file name, completed as such by the shell; whether it can be read is for the reader to say.
+FILE = click.Path(allow_dash=True)
+
 
 def input_options(function: F) -> F:
     """``INPUT --dialect --lenient``."""
@@ -24,12 +27,12 @@ def input_options(function: F) -> F:
     function = click.option(
         "--dialect", type=click.Choice(DIALECTS), help="Format of INPUT.  [default: recognized by content]"
     )(function)
-    return click.argument("input", metavar="INPUT")(function)
+    return click.argument("input", metavar="INPUT", type=FILE)(function)
 
 
 def json_option(function: F) -> F:
     """``--json``."""
-    return click.option("--json", "as_json", is_flag=True, help="Print one JSON document instead of text.")(function)
+    return click.option("--json", is_flag=True, help="Print one JSON document instead of text.")(function)
 
 
 def color_option(function: F) -> F:

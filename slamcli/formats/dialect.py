@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from slamcli.models import FactorKind, VariableKind
 from slamcli.models.base import Array
@@ -134,7 +134,8 @@ class ParameterTag:
 class Dialect:
     """A text format: a table of tags.
 
-    Where several tags stand for one kind, the writer uses the first.
+    Where several tags stand for one kind, the writer uses the first. ``unused`` says of known tags why their records
+    are only kept.
     """
 
     name: str
@@ -142,6 +143,7 @@ class Dialect:
     edges: tuple[EdgeTag, ...]
     parameters: tuple[ParameterTag, ...] = ()
     fix: str | None = None
+    unused: dict[str, str] = field(default_factory=dict)
 
     @property
     def records(self) -> tuple[VertexTag | EdgeTag | ParameterTag, ...]:

@@ -34,4 +34,5 @@ G2O = Dialect(
     ),
     parameters=(ParameterTag("PARAMS_SE3OFFSET", models.SE3),),
     fix="FIX",
+    unused=dict.fromkeys(("ROBOTLASER1", "VERTEX_TAG", "VERTEX_ELLIPSE"), "data of the vertex before it"),
 )

@@ -75,12 +75,12 @@ class _Reader:
 
     def graph(self) -> FactorGraph:
         parameters = self._parameters()
-        vertices = self._vertices()
+        defined = self._variables(self._vertices())
         self._check_parameters(parameters)
         self._decode_edges()
-        created = self._missing(vertices)
+        created = self._missing(defined)
         self.records.settle()
-        variables = self._variables(vertices, created)
+        variables = self._with_missing(defined, created)
         factors = [self._factors(record, variables, parameters) for record in self.edges]
         variables = self._fix(variables)
         self.records.settle()
@@ -142,25 +142,24 @@ class _Reader:
             self.records.defect(int(lines[k]) - 1, None, message, "ids of vertices must be unique")
         return np.setdiff1d(np.arange(len(ids)), repeats) if len(repeats) else np.arange(len(ids))
 
-    def _missing(self, vertices: Vertices) -> dict[VariableKind, IdArray]:
+    def _missing(self, defined: dict[str, Variables]) -> dict[VariableKind, IdArray]:
         """Ids that edges name and no vertex record defines, by kind."""
-        named: dict[VariableKind, list[IdArray]] = {}
+        absent: dict[VariableKind, list[IdArray]] = {}
         for record in self.edges:
             for slot, kind in enumerate(record.kind.variables):
-                named.setdefault(kind, []).append(self.records.ids[record.tag][:, slot])
-        missing = {}
-        for kind, parts in named.items():
-            wanted = np.unique(np.concatenate(parts))
-            absent = np.setdiff1d(wanted, vertices[kind][0]) if kind in vertices else wanted
-            if len(absent):
-                missing[kind] = absent
-        for kind, absent in missing.items():
-            defined = [ids for other, (ids, _, _) in vertices.items() if other is not kind]
-            defined += [ids for other, ids in missing.items() if other is not kind]
-            clash = np.intersect1d(absent, np.concatenate(defined)) if defined else absent[:0]
+                ids = self.records.ids[record.tag][:, slot]
+                if kind.name in defined:
+                    ids = ids[defined[kind.name].rows_of(ids) < 0]
+                if len(ids):
+                    absent.setdefault(kind, []).append(ids)
+        missing = {kind: np.unique(np.concatenate(parts)) for kind, parts in absent.items()}
+        for kind, ids in missing.items():
+            others = [column.ids for name, column in defined.items() if name != kind.name]
+            others += [theirs for other, theirs in missing.items() if other is not kind]
+            clash = np.intersect1d(ids, np.concatenate(others)) if others else ids[:0]
             if len(clash):
                 self._refuse_other_kind(kind, clash)
-                return self._missing(vertices)  # without the refused edges
+                missing[kind] = np.setdiff1d(ids, clash)
         return missing
 
     def _refuse_other_kind(self, kind: VariableKind, clash: IdArray) -> None:
@@ -176,24 +175,40 @@ class _Reader:
                 self.records.defect(int(self.records.rows[record.tag].lines[k]), None, message)
             self._drop_edges(record, ~any_wrong)
 
-    def _variables(self, vertices: Vertices, created: dict[VariableKind, IdArray]) -> dict[str, Variables]:
-        """Columns of variables: those of the file, then those that only edges name."""
-        out = {}
-        for kind in dict.fromkeys(record.kind for record in self.dialect.vertices):
-            none = (np.empty(0, np.int64), np.empty((0, kind.size)), np.empty(0, np.intp))
-            ids, values, lines = vertices.get(kind, none)
-            new = created.get(kind, ids[:0])
-            total = len(ids) + len(new)
-            if total:
-                out[kind.name] = Variables(
-                    kind=kind,
-                    ids=np.concatenate([ids, new]) if len(ids) else new,
-                    values=np.concatenate([values, np.tile(kind.identity, (len(new), 1))]) if len(new) else values,
-                    fixed=np.zeros(total, dtype=bool),
-                    known=np.arange(total) < len(ids),
-                    lines=np.concatenate([lines, np.zeros(len(new), dtype=np.intp)]),
-                )
-        return out
+    def _variables(self, vertices: Vertices) -> dict[str, Variables]:
+        """Columns of the variables that the file defines."""
+        return {
+            kind.name: Variables(
+                kind=kind,
+                ids=ids,
+                values=values,
+                fixed=np.zeros(len(ids), dtype=bool),
+                known=np.ones(len(ids), dtype=bool),
+                lines=lines,
+            )
+            for kind, (ids, values, lines) in vertices.items()
+            if len(ids)
+        }
+
+    def _with_missing(
+        self, defined: dict[str, Variables], missing: dict[VariableKind, IdArray]
+    ) -> dict[str, Variables]:
+        """Columns with the variables behind them that only edges name, in the order of the dialect's kinds."""
+        out = dict(defined)
+        for kind, ids in missing.items():
+            if len(ids) == 0:
+                continue
+            new = Variables(
+                kind=kind,
+                ids=ids,
+                values=np.tile(kind.identity, (len(ids), 1)),
+                fixed=np.zeros(len(ids), dtype=bool),
+                known=np.zeros(len(ids), dtype=bool),
+                lines=np.zeros(len(ids), dtype=np.intp),
+            )
+            out[kind.name] = out[kind.name].followed_by(new) if kind.name in out else new
+        kinds = dict.fromkeys(record.kind.name for record in self.dialect.vertices)
+        return {name: out[name] for name in kinds if name in out}
 
     def _fix(self, variables: dict[str, Variables]) -> dict[str, Variables]:
         """Hold the variables that FIX commands name."""
@@ -301,7 +316,7 @@ class _Reader:
             record_start=start,
             record_stop=stop,
             line_start=text.line_start,
-            kept=np.union1d(np.flatnonzero(foreign[index]), sorted(records.ignored)).astype(np.intp) + 1,
+            kept=np.sort(np.append(np.flatnonzero(foreign[index]), list(records.ignored)).astype(np.intp)) + 1,
             comments=np.flatnonzero(text.counts == 0) + 1,
             parameter_lines=np.sort(np.concatenate([none, *parameter_lines])) + 1,
             fix_lines=records.lines_of(self.dialect.fix) + 1,
@@ -315,7 +330,8 @@ class _Reader:
         text, records = self.text, self.records
         names, index = text.tags
         ignored = sorted(records.ignored)
-        by_tag = {tag: int(np.count_nonzero(~np.isin(rows.lines, ignored))) for tag, rows in records.rows.items()}
+        ordered = [(r.tag, records.rows[r.tag]) for r in self.dialect.records if r.tag in records.rows]
+        by_tag = {tag: int(np.count_nonzero(~np.isin(rows.lines, ignored))) for tag, rows in ordered}
         by_tag.update({column.tag: len(column) for column in factors})
         by_tag[str(self.dialect.fix)] = len(records.lines_of(self.dialect.fix))
         totals = np.bincount(index[index >= 0], minlength=len(names)).tolist()

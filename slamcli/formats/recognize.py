@@ -21,6 +21,15 @@ _FOREIGN = {
 }
 
 
+_ENDINGS = {".g2o": "g2o", ".toro": "toro", ".graph": "toro"}
+
+
+def of_ending(path: str) -> str | None:
+    """The dialect that the ending of an output file suggests, if any."""
+    plain = path.removesuffix(".gz")
+    return next((name for ending, name in _ENDINGS.items() if plain.endswith(ending)), None)
+
+
 def by_name(name: str) -> Dialect:
     """The dialect of a name.
 

@@ -4,10 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-import stat
 import sys
-import tempfile
-from pathlib import Path
 
 from slamcli.errors import InputError
 
@@ -24,7 +21,11 @@ def read_bytes(path: str) -> tuple[bytes, bytes]:
         If it cannot be read, or is not text.
     """
     try:
-        raw = sys.stdin.buffer.read() if path == "-" else Path(path).read_bytes()
+        if path == "-":
+            raw = sys.stdin.buffer.read()
+        else:
+            with open(path, "rb") as stream:
+                raw = stream.read()
     except IsADirectoryError:
         raise InputError(f"{path}: is a directory, expected a graph file") from None
     except OSError as error:
@@ -66,34 +67,31 @@ def write_bytes(path: str, data: bytes) -> None:
         import gzip
 
         data = gzip.compress(data, mtime=0)
-    target = Path(os.path.realpath(path))
     try:
-        if target.exists() and not target.is_file():
-            if target.is_dir():
-                raise IsADirectoryError(21, "is a directory")
-            target.write_bytes(data)
-            return
-        _replace(target, data)
+        if os.path.exists(path) and not os.path.isfile(path):
+            # the path as it was given: what /dev/stdout points at may have no name
+            with open(path, "wb") as stream:
+                stream.write(data)
+        else:
+            _replace(os.path.realpath(path), data)
     except BrokenPipeError:
         raise
     except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}; an existing file is unchanged") from None
+        kept = "; the existing file is unchanged" if os.path.isfile(path) else ""
+        raise InputError(f"{path}: cannot be written: {error.strerror}{kept}") from None
 
 
-def _replace(target: Path, data: bytes) -> None:
-    handle, temporary = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+def _replace(target: str, data: bytes) -> None:
+    """Write beside the target and rename; the mode of an existing file is kept."""
+    folder, name = os.path.split(target)
+    temporary = os.path.join(folder, f".{name}.{os.getpid()}.tmp")
     try:
-        with os.fdopen(handle, "wb") as stream:
+        with open(temporary, "xb") as stream:
             stream.write(data)
-        os.chmod(temporary, stat.S_IMODE(target.stat().st_mode) if target.exists() else 0o666 & ~_umask())
+        if os.path.exists(target):
+            os.chmod(temporary, os.stat(target).st_mode & 0o7777)
         os.replace(temporary, target)
     except BaseException:
         with contextlib.suppress(OSError):
             os.unlink(temporary)
         raise
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask

@@ -220,7 +220,7 @@ class TokenizedText:
         clean[: self.line_start[0]] = _BLANK
         token = self.first[lines]
         start, length = self.token_start[token], self.token_stop[token] - self.token_start[token]
-        for size in np.unique(length):
+        for size in np.flatnonzero(np.bincount(length)).tolist():
             clean[start[length == size][:, None] + np.arange(size)] = _BLANK
         # whole lines that are not used, in runs, and comments behind records
         edges = np.flatnonzero(np.diff(use.astype(np.int8), prepend=1, append=1))

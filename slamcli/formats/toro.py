@@ -107,4 +107,5 @@ TORO = Dialect(
         EdgeTag("EDGE", models.RELATIVE_POSE_2D, 3, decode=_decode_2d, encode=_encode_2d),
         EdgeTag("EDGE3", models.RELATIVE_POSE_3D, 6, True, _decode_3d, _encode_3d),
     ),
+    unused={"EQUIV": "poses are not merged, so the graph lacks these closures"},
 )

@@ -59,6 +59,11 @@ class Variables:
     def __len__(self) -> int:
         return len(self.ids)
 
+    def followed_by(self, other: Variables) -> Variables:
+        """The column with another one of its kind behind it."""
+        names = ("ids", "values", "fixed", "known", "lines")
+        return Variables(self.kind, *(np.concatenate([getattr(self, n), getattr(other, n)]) for n in names))
+
     @cached_property
     def _order(self) -> tuple[IndexArray, IdArray]:
         order = np.argsort(self.ids, kind="stable")

@@ -51,7 +51,7 @@ class GraphDescription:
         Tangent dimensions of all variables.
     residuals
         Residual dimensions of all factors.
-    components
+    component_sizes
         Sizes of the connected components, largest first.
     isolated
         Variables without any factor to another one.
@@ -71,7 +71,7 @@ class GraphDescription:
     factors: list[FactorSummary]
     dimension: int
     residuals: int
-    components: list[int]
+    component_sizes: list[int]
     isolated: int
     degree_min: int
     degree_mean: float
@@ -121,7 +121,7 @@ def describe(graph: FactorGraph) -> GraphDescription:
         ],
         dimension=sum(len(column) * column.kind.dimension for column in graph.variables.values()),
         residuals=sum(len(factors) * factors.kind.dimension for factors in graph.factors),
-        components=sizes.tolist(),
+        component_sizes=sizes.tolist(),
         isolated=int(np.count_nonzero(degrees == 0)),
         degree_min=int(degrees.min()) if len(degrees) else 0,
         degree_mean=float(degrees.mean()) if len(degrees) else 0.0,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -56,6 +55,8 @@ class Document:
     @cached_property
     def sha256(self) -> str:
         """Hash of the file as it came."""
+        import hashlib  # only where a report wants it
+
         return hashlib.sha256(self.raw).hexdigest()
 
 
@@ -75,6 +76,8 @@ class ReadingReport:
         Records read, by tag.
     skipped
         Records that were not used, by tag (unknown tags, data records).
+    reasons
+        Why, for those skipped tags that are known.
     malformed
         Malformed records that ``--lenient`` skipped: one message each.
     created
@@ -90,6 +93,7 @@ class ReadingReport:
     blank: int = 0
     by_tag: dict[str, int] = field(default_factory=dict)
     skipped: dict[str, int] = field(default_factory=dict)
+    reasons: dict[str, str] = field(default_factory=dict)
     malformed: list[str] = field(default_factory=list)
     created: dict[str, list[int]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)

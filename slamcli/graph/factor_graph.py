@@ -116,7 +116,7 @@ class FactorGraph:
         ranges = (
             f"{name} {column.ids.min()} to {column.ids.max()}" for name, column in self.variables.items() if len(column)
         )
-        return "ids in this graph: " + ", ".join(ranges)
+        return "  ids in this graph: " + ", ".join(ranges)
 
 
 def id_array(ids: Iterable[int]) -> IdArray:

@@ -6,13 +6,15 @@ import json
 import math
 from collections.abc import Iterable
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from slamcli import __version__
 from slamcli.graph import FactorGraph, Topology
-from slamcli.graph.describe import GraphDescription, WorstEdge
 from slamcli.solver.options import OptimizeOptions
 from slamcli.solver.result import Result
+
+if TYPE_CHECKING:
+    from slamcli.graph.describe import GraphDescription, WorstEdge
 
 SCHEMA_VERSION = 1
 
@@ -53,8 +55,8 @@ def info_document(source: FactorGraph, description: GraphDescription, worst: lis
     """The document of ``slamcli info --json``."""
     return {
         **_head("info"),
-        "input": _input(source, description.loop_closures, len(description.components)),
-        **asdict(description),
+        "input": _input(source, description.loop_closures, len(description.component_sizes)),
+        **{key: value for key, value in asdict(description).items() if key != "loop_closures"},
         "worst": [asdict(edge) for edge in worst],
     }
 

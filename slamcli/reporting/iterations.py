@@ -5,9 +5,15 @@ from __future__ import annotations
 from slamcli.reporting.text import seconds
 from slamcli.solver.result import IterationRecord
 
-_TITLES = {"iteration": 9, "chi2": 20, "change": 10, "gradient": 9, "step": 9, "damping": 9, "trials": 6, "time": 9}
-HEADER = "  ".join(f"{title:>{width}}" for title, width in _TITLES.items())
+_WIDTHS = (9, 20, 10, 9, 9, 9, 6, 9)
 _G2O_STEPS = {"gauss-newton": "GN", "steepest-descent": "Descent", "dogleg": "Dogleg"}
+
+
+def header(method: str) -> str:
+    """Titles of the table; dogleg's damping is its trust radius."""
+    damping = "radius" if method == "dogleg" else "damping"
+    titles = ("iteration", "chi2", "change", "gradient", "step", damping, "trials", "time")
+    return "  ".join(f"{title:>{width}}" for title, width in zip(titles, _WIDTHS, strict=True))
 
 
 def line(chi2: float, record: IterationRecord | None) -> str:

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from slamcli.graph import FactorGraph, ReadingReport, Topology
-from slamcli.graph.describe import GraphDescription, WorstEdge
 from slamcli.reporting.text import coloured, count, plural, seconds, table
 from slamcli.solver.result import Result, Sparsity, Status
+
+if TYPE_CHECKING:
+    from slamcli.graph.describe import GraphDescription, WorstEdge
 
 _STATUS_COLOUR = {
     Status.CONVERGED: "green",
@@ -13,7 +17,7 @@ _STATUS_COLOUR = {
     Status.INTERRUPTED: "yellow",
     Status.FAILED: "red",
 }
-_PHASES = ("load", "order", "linearize", "assemble", "factorize", "solve", "write")
+_PHASES = ("order", "analyze", "linearize", "assemble", "factorize", "solve")
 _LISTED = 8
 
 
@@ -24,6 +28,7 @@ def optimize_summary(
     worst: list[WorstEdge],
     time: dict[str, float],
     memory: float,
+    written: str | None,
     colour: bool,
 ) -> list[str]:
     """What ``slamcli optimize`` prints at the end."""
@@ -42,10 +47,18 @@ def optimize_summary(
         rows.append(("chi2/dof", f"{result.final_chi2 / result.dof:.6g} ({result.dof} degrees of freedom)"))
     if result.sparsity is not None:
         rows += _sparsity_rows(result.sparsity)
-    phases = {**result.time, **time}
-    shown = ", ".join(f"{name} {seconds(phases[name])}" for name in _PHASES if name in phases)
-    rows += [("time", f"{seconds(time['total'])}: {shown}"), ("memory", f"{memory:.0f} MB at the peak")]
+    if written is not None:
+        rows.append(("written", written))
+    rows += [
+        ("time", f"{seconds(time['total'])}: {_listed_times(time, ('load', 'setup', 'iterate', 'write'))}"),
+        ("phases", _listed_times(result.time, _PHASES)),
+        ("memory", f"{memory:.0f} MB at the peak"),
+    ]
     return table(rows, "<<") + worst_table(worst)
+
+
+def _listed_times(times: dict[str, float], names: tuple[str, ...]) -> str:
+    return ", ".join(f"{name} {seconds(times[name])}" for name in names if times.get(name))
 
 
 def worst_table(worst: list[WorstEdge]) -> list[str]:
@@ -68,9 +81,11 @@ def worst_table(worst: list[WorstEdge]) -> list[str]:
 def info_summary(source: FactorGraph, description: GraphDescription) -> list[str]:
     """What ``slamcli info`` prints."""
     d = description
-    sizes = ", ".join(str(size) for size in d.components[:_LISTED]) + (", ..." if len(d.components) > _LISTED else "")
+    sizes = ", ".join(str(size) for size in d.component_sizes[:_LISTED]) + (
+        ", ..." if len(d.component_sizes) > _LISTED else ""
+    )
     report = source.report
-    rows = [("graph", _counts(source, d.loop_closures, len(d.components))), *_reading_rows(report)]
+    rows = [("graph", _counts(source, d.loop_closures, len(d.component_sizes))), *_reading_rows(report)]
     if report is not None:
         text = f"{report.format}, {plural(report.lines, 'line')}, {report.comments} of comments, {report.blank} blank"
         rows.insert(1, ("file", text))
@@ -78,7 +93,7 @@ def info_summary(source: FactorGraph, description: GraphDescription) -> list[str
         rows.insert(2, ("sha256", source.document.sha256))
     rows += [
         ("dimension", f"{d.dimension} unknowns, {d.residuals} residuals"),
-        ("components", f"{len(d.components)} of {sizes} variables; {d.isolated} isolated"),
+        ("components", f"{len(d.component_sizes)} of {sizes} variables; {d.isolated} isolated"),
         ("degrees", f"{d.degree_min} to {d.degree_max}, mean {d.degree_mean:.2f}"),
         ("edges", f"{d.loop_closures} loop closures, {d.parallel_edges} parallel, {d.self_edges} to themselves"),
     ]
@@ -99,13 +114,16 @@ def reading_warnings(report: ReadingReport | None) -> list[str]:
     """What a reader skipped or assumed: for standard error."""
     if report is None:
         return []
-    out = [f"{number} {tag} records skipped: unknown tag" for tag, number in list(report.skipped.items())[:_LISTED]]
+    out = [
+        f"{plural(number, f'{tag} record')} skipped: {report.reasons.get(tag, 'unknown tag')}"
+        for tag, number in list(report.skipped.items())[:_LISTED]
+    ]
     if len(report.skipped) > _LISTED:
         out.append(f"... and records of {len(report.skipped) - _LISTED} more unknown tags skipped")
     out += [f"skipped: {message}" for message in report.malformed[:_LISTED]]
     if len(report.malformed) > _LISTED:
         out.append(f"... and {len(report.malformed) - _LISTED} more malformed records skipped")
-    out += [f"{len(ids)} {kind} vertices are named by edges only" for kind, ids in report.created.items()]
+    out += [f"vertices that only edges name: {len(ids)} {kind}" for kind, ids in report.created.items()]
     return out + report.notes
 
 
@@ -139,7 +157,7 @@ def _sparsity_rows(sparsity: Sparsity) -> list[tuple[str, str]]:
         ),
         (
             "factor",
-            f"{sparsity.nnz_factor} nonzeros, fill-in {sparsity.fill_in:.2f}, {count(sparsity.factor_flops)}flop, "
+            f"{sparsity.nnz_factor} nonzeros, fill-in {sparsity.fill_in:.2f}, {count(sparsity.factor_flops, 'flop')}, "
             f"ordering {sparsity.ordering}",
         ),
     ]

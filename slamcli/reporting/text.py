@@ -21,12 +21,12 @@ def seconds(value: float) -> str:
     return f"{value * 1e3:.1f} ms" if value < 1.0 else f"{value:.2f} s"
 
 
-def count(value: float) -> str:
-    """A large count with a unit prefix: 1.53 M."""
-    for limit, unit in ((1e12, "T"), (1e9, "G"), (1e6, "M"), (1e4, "k")):
+def count(value: float, unit: str) -> str:
+    """A large count with its unit and a prefix: ``1.53 Mflop``."""
+    for limit, prefix in ((1e12, "T"), (1e9, "G"), (1e6, "M"), (1e3, "k")):
         if value >= limit:
-            return f"{value / limit * (1 if unit != 'k' else 10):.3g} {unit}"
-    return f"{value:.0f}"
+            return f"{value / limit:.3g} {prefix}{unit}"
+    return f"{value:.0f} {unit}"
 
 
 def plural(number: int, noun: str) -> str:

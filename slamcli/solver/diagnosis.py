@@ -43,7 +43,8 @@ def indefinite_information(graph: FactorGraph) -> tuple[str, tuple[str, ...]] | 
         return None
     details.append("the information must be the inverse of a covariance: is its order that of the format,")
     details.append("upper triangle, row by row? With such edges chi2 has no minimum.")
-    return f"{total} information matrices are indefinite: chi2 is unbounded below", tuple(details)
+    what = "1 information matrix is" if total == 1 else f"{total} information matrices are"
+    return f"{what} indefinite: chi2 is unbounded below", tuple(details)
 
 
 def not_finite(graph: FactorGraph, system: LinearSystem) -> tuple[str, tuple[str, ...]]:
@@ -71,7 +72,9 @@ def not_positive_definite(
     direction = _flat_direction(problem, system)
     if direction is not None:
         curvature = problem.pattern.quadratic_form(system.hessian, direction)
-        details.append(f"chi2 does not rise (curvature {curvature:.2e}) along a direction that moves mostly:")
+        relative = curvature / float(problem.diagonal(system).max())
+        shown = f"{relative:.1e}" if abs(relative) > 1e-15 else "0"
+        details.append(f"chi2 does not rise (relative curvature {shown}) along a direction that moves mostly:")
         details += _largest_movers(graph, held, direction)
     details.append("what helps: --fix ID, a prior, more edges at these variables, or --method lm")
     return "the Hessian is not positive definite: the edges do not determine all variables", tuple(details)

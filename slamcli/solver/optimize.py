@@ -92,9 +92,9 @@ class _Run:
         except NumericalError as error:
             values, self.start, defect = self.graph.values, "no start", (error.message, error.details)
         if defect is not None:
-            self.file_chi2 = None
-            chi2 = self.graph.chi2(values)
-            return self._ended(None, values, chi2, chi2, Verdict(Status.FAILED, defect[0]), defect[1])
+            return self._not_started(values, Verdict(Status.FAILED, defect[0]), defect[1])
+        if all(mask.all() for mask in self.held.values()):
+            return self._not_started(values, Verdict(Status.CONVERGED, "all variables are held: nothing to optimize"))
         return self._iterate(values)
 
     def _iterate(self, values: Values) -> Result:
@@ -106,7 +106,10 @@ class _Run:
         self.on_iteration(initial, None)
         if not now.is_finite:
             return self._failed(problem, now, initial, diagnosis.not_finite(self.graph, now))
-        verdict = termination.at_start(now.gradient_norm, problem.pattern.dimension)
+        verdict = termination.at_start(now.gradient_norm)
+        if now.gradient_norm == 0.0 and problem.newton_decrement(now) is None:
+            found = diagnosis.not_positive_definite(self.graph, self.held, problem, now)
+            return self._failed(problem, now, initial, found)
         began = time.perf_counter()
         while verdict is None:
             start = time.perf_counter()
@@ -124,7 +127,7 @@ class _Run:
                 step, decrease, len(self.trace), seconds, partial(problem.newton_decrement, now)
             )
             if verdict is None and self.interrupted():
-                verdict = Verdict(Status.INTERRUPTED, f"interrupted after {len(self.trace)} iterations")
+                verdict = Verdict(Status.INTERRUPTED, f"on request, after iteration {len(self.trace)}")
         return self._ended(problem, now.values, initial, now.chi2, verdict, ())
 
     def _record(self, step: Step, decrease: float, seconds: float) -> None:
@@ -142,6 +145,10 @@ class _Run:
         )
         self.trace.append(record)
         self.on_iteration(record.chi2, record)
+
+    def _not_started(self, values: Values, verdict: Verdict, details: tuple[str, ...] = ()) -> Result:
+        chi2 = self.graph.chi2(values)
+        return self._ended(None, values, chi2, chi2, verdict, details)
 
     def _failed(
         self, problem: Problem, now: LinearSystem, initial: float, found: tuple[str, tuple[str, ...]]

@@ -61,7 +61,7 @@ class OptimizeOptions:
             if getattr(self, name) not in allowed:
                 raise UsageError(f"{name} {getattr(self, name)!r} does not exist", (f"  one of: {', '.join(allowed)}",))
         if not self.tolerance >= 0.0:
-            raise UsageError(f"tolerance must not be negative, got {self.tolerance}")
+            raise UsageError(f"tolerance must be zero or positive, got {self.tolerance}")
         if self.max_iterations < 0:
             raise UsageError(f"max_iterations must not be negative, got {self.max_iterations}")
         if self.time_limit is not None and not self.time_limit > 0.0:

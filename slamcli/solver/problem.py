@@ -81,12 +81,12 @@ class Problem:
         """Decrease of chi2 that the quadratic model predicts for a step: -2 g^T delta - delta^T H delta."""
         return -2.0 * float(system.gradient @ delta) - self.pattern.quadratic_form(system.hessian, delta)
 
-    def newton_decrement(self, system: LinearSystem) -> float:
-        """Decrease of chi2 that the full Gauss-Newton step promises, g^T H^-1 g; 0 where H is singular."""
+    def newton_decrement(self, system: LinearSystem) -> float | None:
+        """Decrease of chi2 that the full Gauss-Newton step promises, g^T H^-1 g; None where H is singular."""
         try:
             return -float(system.gradient @ self.solve(system))
         except backends.NotPositiveDefiniteError:
-            return 0.0
+            return None
 
     @cached_property
     def sparsity(self) -> Sparsity:

@@ -48,10 +48,8 @@ class Termination:
         self._initial = initial_chi2
         self._previous = 0.0
 
-    def at_start(self, gradient_norm: float, dimension: int) -> Verdict | None:
+    def at_start(self, gradient_norm: float) -> Verdict | None:
         """Whether there is nothing to do."""
-        if dimension == 0:
-            return Verdict(Status.CONVERGED, "all variables are held: nothing to optimize")
         if gradient_norm == 0.0:
             return Verdict(Status.CONVERGED, "the gradient is zero at the start")
         if self._options.max_iterations == 0:
@@ -59,7 +57,7 @@ class Termination:
         return None
 
     def after(
-        self, step: Step, decrease: float, iterations: int, seconds: float, model_decrease: Callable[[], float]
+        self, step: Step, decrease: float, iterations: int, seconds: float, model_decrease: Callable[[], float | None]
     ) -> Verdict | None:
         """Whether a run ends after an iteration that lowered chi2 by ``decrease``.
 
@@ -67,10 +65,8 @@ class Termination:
         ``model_decrease``, the decrease that the full Gauss-Newton step promises from here.
         """
         verdict = self._converged(step, decrease)
-        least = _CONFIRM * self._options.tolerance * step.system.chi2
-        if verdict is not None and step.kind != "gauss-newton" and model_decrease() > least:
-            stuck = Verdict(Status.NOT_CONVERGED, f"no step lowers chi2 after {step.trials} trials")
-            verdict = None if step.accepted else stuck
+        if verdict is not None and step.kind != "gauss-newton":
+            verdict = self._confirmed(verdict, step, model_decrease())
         if verdict is not None:
             return verdict
         if step.accepted:
@@ -81,6 +77,16 @@ class Termination:
         if options.time_limit is not None and seconds >= options.time_limit:
             return Verdict(Status.NOT_CONVERGED, f"time limit of {options.time_limit:g} s used up")
         return None
+
+    def _confirmed(self, verdict: Verdict, step: Step, promised: float | None) -> Verdict | None:
+        """The verdict on damped steps in the light of what the full step promises (None: H is singular)."""
+        if promised is None:
+            return Verdict(verdict.status, f"{verdict.reason}; H is singular: other minima are as good")
+        if promised <= _CONFIRM * self._options.tolerance * step.system.chi2:
+            return verdict
+        if step.accepted:
+            return None
+        return Verdict(Status.NOT_CONVERGED, f"no step lowers chi2 after {step.trials} trials")
 
     def _converged(self, step: Step, decrease: float) -> Verdict | None:
         chi2, tolerance = step.system.chi2, self._options.tolerance

@@ -1,0 +1,104 @@
+"""Golden chi2 values on the standard and the bundled data sets (see golden.py for the numbers and their sources)."""
+
+import pytest
+from golden import BELOW_LISTED, BUNDLED, G2O_GAUSS_NEWTON, G2O_LEVENBERG, GOLDEN, Golden
+from support import BUNDLED as BUNDLED_FOLDER
+from support import dataset
+
+import slamcli
+from slamcli.solver.result import Result, Status
+
+
+def cases(table: tuple[Golden, ...]) -> list[object]:
+    """The rows of a table as parameters of a test."""
+    return [
+        pytest.param(row, id=f"{row.path}-{row.method}-{row.init}", marks=[pytest.mark.slow] if row.slow else [])
+        for row in table
+    ]
+
+
+def run(row: Golden, path: object) -> Result:
+    """The start's chi2 is checked at the file's values, wherever the run starts."""
+    graph = slamcli.read(str(path))
+    if row.start is not None:
+        assert all(column.known.all() for column in graph.variables.values())
+        assert graph.chi2() == pytest.approx(row.start, rel=1e-8 if row.source != "bundled" else 1e-6)
+    return slamcli.optimize(graph, method=row.method, init=row.init, max_iterations=row.max_iterations)
+
+
+@pytest.mark.datasets
+@pytest.mark.parametrize("row", cases(GOLDEN))
+def test_reaches_the_best_known_optimum(row: Golden) -> None:
+    result = run(row, dataset(row.path))
+    if row.best is None:
+        assert result.final_chi2 < result.initial_chi2
+        return
+    assert result.status is Status.CONVERGED
+    assert result.final_chi2 == pytest.approx(row.best, rel=1e-6)
+    assert result.graph.chi2() == pytest.approx(result.final_chi2, rel=1e-12)
+
+
+@pytest.mark.parametrize("row", cases(BUNDLED))
+@pytest.mark.parametrize("method", ["gn", "lm", "dogleg"])
+@pytest.mark.parametrize("init", ["file", "odometry", "spanning-tree"])
+def test_bundled(row: Golden, method: str, init: str) -> None:
+    wanted = Golden(row.path, row.start, row.best, row.source, method, init)
+    result = run(wanted, BUNDLED_FOLDER / row.path)
+    assert result.status is Status.CONVERGED
+    assert result.final_chi2 == pytest.approx(row.best, rel=1e-6)
+
+
+@pytest.mark.datasets
+@pytest.mark.parametrize("row", cases(tuple(BELOW_LISTED)))
+def test_slow_tails_are_followed_below_the_listed_value(row: Golden) -> None:
+    result = run(row, dataset(row.path))
+    assert result.status is Status.CONVERGED
+    assert result.final_chi2 < BELOW_LISTED[row]
+    assert result.final_chi2 == pytest.approx(row.best, rel=1e-6)
+
+
+@pytest.mark.datasets
+def test_local_minimum_of_mit() -> None:
+    """From the file's values g2o's Gauss-Newton ends there too."""
+    result = slamcli.optimize(slamcli.read(str(dataset("pose2d/MIT_carlone.g2o"))))
+    assert result.status is Status.CONVERGED
+    assert result.final_chi2 == pytest.approx(770.663502, rel=1e-8)
+
+
+@pytest.mark.datasets
+def test_marquardt_on_mit() -> None:
+    """The damped path from the file's values ends in another local minimum."""
+    result = slamcli.optimize(slamcli.read(str(dataset("pose2d/MIT_carlone.g2o"))), method="lm")
+    assert result.final_chi2 == pytest.approx(526.331, rel=1e-6)
+
+
+@pytest.mark.datasets
+def test_cubicle_is_refused() -> None:
+    """Its information matrices are indefinite: there is no minimum to find, and the edges are named."""
+    result = slamcli.optimize(slamcli.read(str(dataset("pose3d/cubicle.g2o"))))
+    assert result.status is Status.FAILED
+    assert result.exit_code == 5
+    assert result.initial_chi2 == pytest.approx(9665716.94, rel=1e-8)
+    assert "5021 information matrices are indefinite" in result.reason
+    assert any("EDGE_SE3:QUAT" in line and "(line" in line for line in result.diagnosis)
+
+
+@pytest.mark.datasets
+@pytest.mark.parametrize(("method", "lines"), [("gn", G2O_GAUSS_NEWTON), ("lm", G2O_LEVENBERG)])
+def test_first_iterations_are_those_of_g2o(method: str, lines: tuple[tuple[float, float | None], ...]) -> None:
+    result = slamcli.optimize(slamcli.read(str(dataset("pose2d/intel_sesync.g2o"))), method=method)
+    for record, (chi2, damping) in zip(result.trace[:3], lines, strict=True):
+        assert record.chi2 == pytest.approx(chi2, abs=5.1e-7)  # g2o prints six decimals
+        assert record.damping == (None if damping is None else pytest.approx(damping, abs=5.1e-7))
+
+
+@pytest.mark.datasets
+def test_a_spanning_tree_ignores_the_values_of_the_file() -> None:
+    """MIT without vertices is the same graph as MIT with them, and so is its tree."""
+    with_vertices = slamcli.optimize(
+        slamcli.read(str(dataset("pose2d/MIT_carlone.g2o"))), init="spanning-tree", max_iterations=0
+    )
+    without = slamcli.optimize(
+        slamcli.read(str(dataset("pose2d/MIT_rome_novertices.g2o"))), init="spanning-tree", max_iterations=0
+    )
+    assert without.initial_chi2 == pytest.approx(with_vertices.initial_chi2, rel=1e-9)
