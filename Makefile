@@ -35,7 +35,7 @@ format: $(VENV)/.stamp-dev ## format the code and mend what ruff can mend
 	$(BIN)/ruff format
 
 bench: $(VENV)/.stamp-peers ## compare speed and results with other solvers
-	$(BIN)/python benchmarks/run.py $(ARGS)
+	$(BIN)/python -m benchmarks.run $(ARGS)
 
 docs: $(VENV)/.stamp-dev ## regenerate docs/cli.md
 	$(BIN)/python docs/generate_cli.py

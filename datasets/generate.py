@@ -246,7 +246,9 @@ def square_toro(seed: int, poses: int = 40, side: int = 5) -> Iterator[str]:
         for i in (j - 1, j - lap):
             if i < 0:
                 continue
-            z = noise.pose2(between2(truth[i], truth[j]), sigmas)
+            x, y, theta = between2(truth[i], truth[j])
+            # TORO's error is that of the numbers in the record: the noise is in the frame of pose i
+            z = x + noise.normal(sigmas[0]), y + noise.normal(sigmas[1]), theta + noise.normal(sigmas[2])
             edges.append(line("EDGE2", (i, j), *z, *information))
             if i == j - 1:
                 guess.append(compose2(guess[i], z))

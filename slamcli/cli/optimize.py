@@ -57,7 +57,7 @@ is written).
     type=float,
     default=1e-9,
     show_default=True,
-    help="Converged when the relative decrease of chi2 still to come is below this.",
+    help="Converged when the relative decrease of chi2, the last or what is still to come, is below this.",
 )
 @click.option("--time-limit", type=float, metavar="S", help="Budget of seconds for the iterations.")
 @click.option("--fix", type=int, multiple=True, metavar="ID", help="Hold this variable; may be given several times.")

@@ -8,6 +8,7 @@ import numpy as np
 
 from slamcli.errors import InputError
 from slamcli.formats import source
+from slamcli.formats.diagnostics import SHOWN
 from slamcli.formats.dialect import EdgeTag
 from slamcli.formats.recognize import by_name, recognize
 from slamcli.formats.records import Records, is_id
@@ -85,7 +86,9 @@ class _Reader:
         variables = self._fix(variables)
         self.records.settle()
         if not variables:
-            raise InputError(f"{self.records.path}: holds no vertex and no edge that slamcli can use")
+            skipped = [line for defect in self.records.defects[:SHOWN] for line in defect.lines()]
+            message = f"{self.records.path}: holds no vertex and no edge that slamcli can use"
+            raise InputError(message, tuple(skipped))
         document = self._document({name: column.values for name, column in variables.items()})
         return FactorGraph(variables, factors, parameters, document, self._report(variables, factors, created))
 
@@ -159,7 +162,7 @@ class _Reader:
             clash = np.intersect1d(ids, np.concatenate(others)) if others else ids[:0]
             if len(clash):
                 self._refuse_other_kind(kind, clash)
-                missing[kind] = np.setdiff1d(ids, clash)
+                return self._missing(defined)  # without the refused edges
         return missing
 
     def _refuse_other_kind(self, kind: VariableKind, clash: IdArray) -> None:

@@ -60,7 +60,9 @@ def write_bytes(path: str, data: bytes) -> None:
         If the file cannot be written.
     """
     if path == "-":
-        sys.stdout.buffer.write(data)
+        rest = memoryview(data)
+        while rest:  # under PYTHONUNBUFFERED a write may be partial
+            rest = rest[sys.stdout.buffer.write(rest) :]
         sys.stdout.buffer.flush()
         return
     if path.endswith(".gz"):
@@ -84,12 +86,14 @@ def write_bytes(path: str, data: bytes) -> None:
 def _replace(target: str, data: bytes) -> None:
     """Write beside the target and rename; the mode of an existing file is kept."""
     folder, name = os.path.split(target)
-    temporary = os.path.join(folder, f".{name}.{os.getpid()}.tmp")
+    temporary = os.path.join(folder, f".{name}.{os.urandom(6).hex()}.tmp")
+    mode = os.stat(target).st_mode & 0o7777 if os.path.exists(target) else None
+    handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666 if mode is None else 0o600)
     try:
-        with open(temporary, "xb") as stream:
+        with os.fdopen(handle, "wb") as stream:
             stream.write(data)
-        if os.path.exists(target):
-            os.chmod(temporary, os.stat(target).st_mode & 0o7777)
+        if mode is not None:
+            os.chmod(temporary, mode)
         os.replace(temporary, target)
     except BaseException:
         with contextlib.suppress(OSError):

@@ -1,8 +1,9 @@
 """Bulk tokenizer of line-oriented text formats: lines, tags and numbers as arrays.
 
 A pose-graph file is a few hundred thousand numbers between blanks. Finding lines and tokens is a handful of
-vectorized passes over the bytes; all numbers of the file are then parsed by one call of numpy's text parser
-(correctly rounded, 70 ns a number), after everything that is not a number of a wanted record has been blanked.
+vectorized passes over the bytes; everything that is not a number of a wanted record is then blanked, a comma is put
+before each number, and what has become one JSON list is parsed in one call (orjson; correctly rounded, 40 ns a number).
+Numbers that JSON does not know (``.5``, ``+1``) send the text through numpy's own parser instead (70 ns).
 """
 
 from __future__ import annotations
@@ -14,12 +15,13 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import orjson
 from numpy.typing import NDArray
 
 from slamcli.graph.columns import IndexArray
 from slamcli.models.base import Array
 
-_BLANK, _NEWLINE, _HASH = 32, 10, 35
+_BLANK, _NEWLINE, _HASH, _COMMA = 32, 10, 35, 44
 _TAG_WORDS = 8  # 64 bytes of the first token tell tags apart
 _NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z")
 _BOM = b"\xef\xbb\xbf"
@@ -85,16 +87,15 @@ class TokenizedText:
         inked = buffer > _BLANK
         text_start = len(_BOM) if data.startswith(_BOM) else 0
         inked[:text_start] = False
-        before = np.empty_like(inked)
-        before[:1] = False
-        before[1:] = inked[:-1]
-        self.token_start: IndexArray = np.flatnonzero(inked > before)
-        stops = np.flatnonzero(before > inked)
-        if len(stops) < len(self.token_start):
-            stops = np.append(stops, len(data))
-        self.token_stop: IndexArray = stops
+        edges = np.flatnonzero(inked[1:] != inked[:-1]) + 1  # starts and stops in turn
+        if len(inked) and inked[0]:
+            edges = np.concatenate([[0], edges])
+        if len(edges) % 2:
+            edges = np.append(edges, len(data))
+        self.token_start: IndexArray = edges[0::2]
+        self.token_stop: IndexArray = edges[1::2]
         newlines = np.flatnonzero(buffer == _NEWLINE)
-        ends_open = len(data) > 0 and (len(newlines) == 0 or newlines[-1] != len(data) - 1)
+        ends_open = len(data) > text_start and (len(newlines) == 0 or newlines[-1] != len(data) - 1)
         tail = [len(data)] if ends_open else []
         self.line_start: IndexArray = np.concatenate([[text_start], newlines + 1, tail]).astype(np.intp)
         self.first: IndexArray = np.searchsorted(self.token_start, self.line_start)
@@ -217,24 +218,22 @@ class TokenizedText:
         if not (self.counts[lines] > 1).any():
             return np.empty(0)
         clean = np.maximum(self._buffer, _BLANK)  # all control characters are blanks
+        clean[self.token_start[1:] - 1] = _COMMA  # before each token; what is no number is blanked with its comma
         clean[: self.line_start[0]] = _BLANK
         token = self.first[lines]
-        start, length = self.token_start[token], self.token_stop[token] - self.token_start[token]
+        start, length = self.token_start[token] - 1, self.token_stop[token] - self.token_start[token] + 1
         for size in np.flatnonzero(np.bincount(length)).tolist():
-            clean[start[length == size][:, None] + np.arange(size)] = _BLANK
+            clean[np.maximum(start[length == size], 0)[:, None] + np.arange(size)] = _BLANK
         # whole lines that are not used, in runs, and comments behind records
         edges = np.flatnonzero(np.diff(use.astype(np.int8), prepend=1, append=1))
         for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
-            clean[self.line_start[begin] : self.line_start[end]] = _BLANK
+            clean[max(int(self.line_start[begin]) - 1, 0) : self.line_start[end]] = _BLANK
         for line in np.flatnonzero(self.has_comment & use).tolist():
             comment = self.token_start[self.first[line] + self.counts[line]]
-            clean[comment : self.line_start[line + 1]] = _BLANK
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", DeprecationWarning)
-            try:
-                return np.fromstring(clean.tobytes(), dtype=np.float64, sep=" ")
-            except (DeprecationWarning, ValueError):
-                return None
+            clean[comment - 1 : self.line_start[line + 1]] = _BLANK
+        first_number = self.first[lines[self.counts[lines] > 1][0]] + 1
+        clean[self.token_start[first_number] - 1] = _BLANK
+        return _parse_list(clean.tobytes())
 
     def _bad_tokens(self, lines: IndexArray) -> list[BadToken]:
         """All tokens of the given lines that are not finite numbers (the slow path of broken files)."""
@@ -246,3 +245,20 @@ class TokenizedText:
                 if not _NUMBER.match(text) or not np.isfinite(float(text)):
                     bad.append(BadToken(line, int(self.token_start[index]), text.decode("utf-8", "replace")))
         return bad
+
+
+def _parse_list(text: bytes) -> Array | None:
+    """Numbers of a comma-separated list, None where there is something that is not a number."""
+    # true, false and null are JSON, too; and JSON's -0 is an integer, which has no sign
+    if not any(part in text for part in (b"u", b"l", b"-0,", b"-0 ")) and not text.endswith(b"-0"):
+        try:
+            found = orjson.loads(b"[" + text + b"]")
+            return np.fromiter(found, dtype=np.float64, count=len(found))
+        except (ValueError, TypeError, OverflowError):
+            pass
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", DeprecationWarning)
+        try:
+            return np.fromstring(text.replace(b",", b" "), dtype=np.float64, sep=" ")
+        except (DeprecationWarning, ValueError):
+            return None

@@ -7,6 +7,7 @@ same double, so nothing is lost by writing and reading any number of times.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import repeat
@@ -20,6 +21,8 @@ from slamcli.formats.source import write_bytes
 from slamcli.graph import Document, FactorGraph, Factors, Variables
 from slamcli.graph.columns import IdArray, IndexArray
 from slamcli.models.base import Array
+
+_WORD = re.compile(rb"[^\x00-\x20]+")
 
 
 @dataclass
@@ -80,7 +83,8 @@ def format_records(ids: IdArray, numbers: Array) -> list[str]:
         return []
     # the representation of one big list is made in C; its punctuation then becomes blanks and record ends
     text = repr(list(zip(*ids.T.tolist(), *numbers.T.tolist(), strict=True)))
-    return text[2:-2].replace(".0,", ",").replace(".0)", ")").removesuffix(".0").replace(",", "").split(") (")
+    text = text[2:-2].replace(".0,", ",").replace(".0)", ")").removesuffix(".0")
+    return text.replace(",", "").split(") (")
 
 
 def _refuse_not_finite(graph: FactorGraph) -> None:
@@ -114,7 +118,7 @@ def _changed_vertices(graph: FactorGraph, document: Document) -> dict[int, str]:
 def _original_tags(document: Document, lines: IndexArray) -> list[str]:
     """First words of the given lines."""
     starts = document.record_start[lines - 1].tolist()
-    return [document.data[start : start + 64].split(None, 1)[0].decode() for start in starts]
+    return [_WORD.match(document.data, start)[0].decode() for start in starts]  # type: ignore[index]
 
 
 def _new_vertices(graph: FactorGraph, dialect: Dialect) -> list[str]:

@@ -350,10 +350,15 @@ def conjugate(x: Components) -> Components:
 
 
 def unit(x: Components) -> Components:
-    """Return the components of x / |x|, NaN where |x| = 0."""
+    """Return the components of x / |x|, NaN where |x| is 0 or too large for a square.
+
+    What is a unit quaternion to the last bits already stays as it is, so that normalizing twice changes nothing.
+    """
     a, b, c, w = x
-    length = np.sqrt(a * a + b * b + c * c + w * w)
-    length = np.where(length > 0.0, length, np.nan)
+    with np.errstate(over="ignore"):
+        square = a * a + b * b + c * c + w * w
+    usable = (square > 0.0) & (square < np.inf)
+    length = np.sqrt(np.where(usable, np.where(np.abs(square - 1.0) < 1e-15, 1.0, square), np.nan))
     return (a / length, b / length, c / length, w / length)
 
 

@@ -2,7 +2,7 @@
 
 from slamcli.graph.columns import Factors, Values, Variables
 from slamcli.graph.document import Document, ReadingReport
-from slamcli.graph.factor_graph import FactorGraph, id_array
+from slamcli.graph.factor_graph import FactorGraph
 from slamcli.graph.topology import Topology, analyze, is_loop_closure
 
 __all__ = [
@@ -14,6 +14,5 @@ __all__ = [
     "Values",
     "Variables",
     "analyze",
-    "id_array",
     "is_loop_closure",
 ]

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from slamcli.errors import UsageError
-from slamcli.graph.columns import BoolArray, Factors, IdArray, Values, Variables
+from slamcli.graph.columns import BoolArray, Factors, Values, Variables
 from slamcli.graph.document import Document, ReadingReport
 from slamcli.models.base import Array
 
@@ -117,11 +117,3 @@ class FactorGraph:
             f"{name} {column.ids.min()} to {column.ids.max()}" for name, column in self.variables.items() if len(column)
         )
         return "  ids in this graph: " + ", ".join(ranges)
-
-
-def id_array(ids: Iterable[int]) -> IdArray:
-    """Ids as int64, or as uint64 where one is 2^63 or more (GTSAM keys are unsigned)."""
-    listed = list(ids)
-    if any(i >= 2**63 for i in listed):
-        return np.array(listed, dtype=np.uint64)
-    return np.array(listed, dtype=np.int64)

@@ -7,7 +7,7 @@ import numpy as np
 from slamcli.graph import FactorGraph, Factors
 from slamcli.graph.columns import BoolArray, finite_rows
 from slamcli.graph.topology import connected_components, node_offsets, node_pairs
-from slamcli.models.base import Array
+from slamcli.models.base import Array, norm
 from slamcli.models.information import eigenvalue_range, indefinite
 from slamcli.solver.backends import NotPositiveDefiniteError
 from slamcli.solver.gauge import Held
@@ -15,6 +15,7 @@ from slamcli.solver.linear_system import LinearSystem
 from slamcli.solver.problem import Problem
 
 _SHOWN = 5
+_LEAST_SHARE = 0.005  # of a direction: variables that move less are not named
 _SHIFTS = (1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2, 1.0)  # of the largest diagonal entry of H
 
 
@@ -112,7 +113,7 @@ def _flat_direction(problem: Problem, system: LinearSystem) -> Array | None:
             for _ in range(4):
                 probe = LinearSystem(system.values, system.chi2, system.hessian, -direction)
                 direction = problem.solve(probe, damping)
-                direction = direction / np.linalg.norm(direction)
+                direction = direction / norm(direction)
             return direction
         except NotPositiveDefiniteError:
             continue
@@ -130,7 +131,7 @@ def _largest_movers(graph: FactorGraph, held: Held, direction: Array) -> list[st
         part = np.abs(direction[start:stop].reshape(-1, dimension))
         share = np.square(part).sum(axis=1)
         ids = column.ids[free]
-        for k in np.argsort(-share, kind="stable")[:_SHOWN]:
+        for k in [k for k in np.argsort(-share, kind="stable")[:_SHOWN].tolist() if share[k] >= _LEAST_SHARE]:
             component = column.kind.components[int(part[k].argmax())]
             lines.append((float(share[k]), f"  {column.kind.name} {ids[k]}, mostly {component} ({share[k]:.0%} of it)"))
         start = stop

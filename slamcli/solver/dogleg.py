@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slamcli.models.base import Array
+from slamcli.models.base import Array, dot, norm
 from slamcli.solver.linear_system import LinearSystem
 from slamcli.solver.problem import Problem
 from slamcli.solver.steps import Step
@@ -26,7 +26,7 @@ class Dogleg:
     def step(self, problem: Problem, now: LinearSystem) -> Step:
         """Shrink the trust region until a step lowers chi2."""
         newton = problem.solve(now)
-        squared = float(now.gradient @ now.gradient)
+        squared = dot(now.gradient, now.gradient)
         curvature = problem.pattern.quadratic_form(now.hessian, now.gradient)
         descent = -(squared / curvature if curvature > 0.0 else 0.0) * now.gradient
         trials, rho = 0, -1.0
@@ -37,16 +37,16 @@ class Dogleg:
             predicted = problem.model_decrease(now, delta)
             decrease = now.chi2 - problem.chi2(values)
             rho = decrease / predicted if predicted > 0.0 and np.isfinite(decrease) else -1.0
-            norm = float(np.linalg.norm(delta))
+            length = norm(delta)
             if rho > 0.75:
-                self._radius = max(self._radius, 3.0 * norm)
+                self._radius = max(self._radius, 3.0 * length)
             elif rho < 0.25:
-                self._radius = 0.5 * min(self._radius, norm)
-            if rho > 0.0 or norm == 0.0:
+                self._radius = 0.5 * min(self._radius, length)
+            if rho > 0.0 or length == 0.0:
                 break
         return Step(
             system=problem.linearize(values) if rho > 0.0 else now,
-            norm=norm,
+            norm=length,
             largest=float(np.abs(delta).max(initial=0.0)),
             damping=self._radius,
             trials=trials,
@@ -56,14 +56,14 @@ class Dogleg:
 
     def _on_path(self, newton: Array, descent: Array) -> tuple[Array, str]:
         """The point of the dogleg path at the trust radius, or the full Gauss-Newton step within it."""
-        if float(np.linalg.norm(newton)) <= self._radius:
+        if norm(newton) <= self._radius:
             return newton, "gauss-newton"
-        length = float(np.linalg.norm(descent))
+        length = norm(descent)
         if length >= self._radius:
             return descent * (self._radius / length), "steepest-descent"
         leg = newton - descent
         # |descent + beta leg| = radius, with the root written so that nothing cancels
-        a, b, c = float(leg @ leg), float(descent @ leg), self._radius**2 - length**2
+        a, b, c = dot(leg, leg), dot(descent, leg), self._radius**2 - length**2
         root = np.sqrt(b * b + a * c)
         beta = c / (b + root) if b > 0.0 else (root - b) / a
         return descent + beta * leg, "dogleg"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from slamcli.models.base import norm
 from slamcli.solver.linear_system import LinearSystem
 from slamcli.solver.problem import Problem
 from slamcli.solver.steps import Step
@@ -18,7 +19,7 @@ class GaussNewton:
         system = problem.linearize(problem.retract(now.values, delta))
         return Step(
             system=system,
-            norm=float(np.linalg.norm(delta)),
+            norm=norm(delta),
             largest=float(np.abs(delta).max(initial=0.0)),
             damping=None,
             trials=1,

@@ -176,7 +176,8 @@ def _require_all(graph: FactorGraph, placed: dict[str, BoolArray]) -> None:
         if lost.any():
             ids = ", ".join(str(i) for i in column.ids[lost][:5])
             more = ", ..." if lost.sum() > 5 else ""
+            who = "1 landmark has" if lost.sum() == 1 else f"{lost.sum()} landmarks have"
             raise NumericalError(
-                f"{lost.sum()} landmarks have no estimate and no edge that determines one: {ids}{more}",
+                f"{who} no estimate and no edge that determines one: {ids}{more}",
                 ("  bearings alone do not place a point: give vertices for them",),
             )

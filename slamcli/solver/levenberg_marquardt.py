@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from slamcli.models.base import dot, norm
 from slamcli.solver.backends import NotPositiveDefiniteError
 from slamcli.solver.linear_system import LinearSystem
 from slamcli.solver.problem import Problem
@@ -48,7 +49,7 @@ class LevenbergMarquardt:
                 delta = problem.solve(now, damping)
                 solved = True
                 values = problem.retract(now.values, delta)
-                predicted = float(delta @ (damping * delta - now.gradient))
+                predicted = dot(delta, damping * delta - now.gradient)
                 decrease = now.chi2 - problem.chi2(values)
                 rho = decrease / predicted if predicted > 0.0 and np.isfinite(decrease) else -1.0
             except NotPositiveDefiniteError:
@@ -64,7 +65,7 @@ class LevenbergMarquardt:
             self._nu = 2.0
         return Step(
             system=problem.linearize(values) if rho > 0.0 else now,
-            norm=float(np.linalg.norm(delta)),
+            norm=norm(delta),
             largest=float(np.abs(delta).max(initial=0.0)),
             damping=self._lambda,
             trials=trials,

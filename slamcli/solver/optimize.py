@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -20,6 +21,9 @@ from slamcli.solver.result import IterationRecord, Result, Status
 from slamcli.solver.steps import Step
 from slamcli.solver.stopwatch import Stopwatch
 from slamcli.solver.termination import Termination, Verdict
+
+#: ``Result.start`` of a run that found no values to start from; its chi2 is NaN.
+NO_START = "no start"
 
 #: Called with the chi2 at the start and no record, then with each iteration's record.
 OnIteration = Callable[[float, IterationRecord | None], None]
@@ -90,7 +94,7 @@ class _Run:
             with self.stopwatch.phase("init"):
                 values, self.start = initialize(self.graph, self.options.init, self.held)
         except NumericalError as error:
-            values, self.start, defect = self.graph.values, "no start", (error.message, error.details)
+            values, self.start, defect = self.graph.values, NO_START, (error.message, error.details)
         if defect is not None:
             return self._not_started(values, Verdict(Status.FAILED, defect[0]), defect[1])
         if all(mask.all() for mask in self.held.values()):
@@ -147,7 +151,7 @@ class _Run:
         self.on_iteration(record.chi2, record)
 
     def _not_started(self, values: Values, verdict: Verdict, details: tuple[str, ...] = ()) -> Result:
-        chi2 = self.graph.chi2(values)
+        chi2 = self.graph.chi2(values) if self.start != NO_START else math.nan
         return self._ended(None, values, chi2, chi2, verdict, details)
 
     def _failed(

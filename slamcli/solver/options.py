@@ -26,7 +26,7 @@ class OptimizeOptions:
     max_iterations
         Budget of iterations.
     tolerance
-        Converged when the relative decrease of chi2 still to come is below this.
+        Converged when the relative decrease of chi2, the last one or what is still to come, is below this.
     time_limit
         Budget of seconds for the iterations, None for no limit.
     fix

@@ -100,7 +100,7 @@ class BlockPattern:
 
     def quadratic_form(self, values: Array, x: Array) -> float:
         """x^T H x for the matrix of these stored values."""
-        return float(np.dot(self.weight * values, x[self.scalar_rows] * x[self.scalar_columns]))
+        return float((self.weight * values * x[self.scalar_rows] * x[self.scalar_columns]).sum())
 
 
 def _repeated_ranges(start: IndexArray, length: IndexArray, times: IndexArray) -> IndexArray:
@@ -146,39 +146,36 @@ def build(graph: FactorGraph, held: Held) -> tuple[BlockPattern, Targets]:
     for factors in graph.factors:
         kinds = factors.kind.variables
         blocks = [number[kind.name][factors.indices[:, s]] for s, kind in enumerate(kinds)]
-        parts: list[list[IndexArray]] = [[] for _ in kinds]
+        widths = [kind.dimension for kind in kinds]
+        slots = [np.empty((len(factors), d, sum(widths[s:]) + 1), dtype=np.intp) for s, d in enumerate(widths)]
         for s, t, _, high, use in _slot_pairs(blocks):
-            flipped = blocks[s] > blocks[t]
-            shape = (kinds[s].dimension, kinds[t].dimension)
-            parts[s].append(_block_targets(pattern, next(entries), high, flipped, use, shape))
-        for s, kind in enumerate(kinds):
-            parts[s].append(_gradient_targets(pattern, blocks[s], kind.dimension))
-        targets.append([np.concatenate(part, axis=2) for part in parts])
+            start = sum(widths[s:t])
+            part = slots[s][:, :, start : start + widths[t]]
+            _block_targets(part, pattern, next(entries), high, blocks[s] > blocks[t], use)
+        for s, own in enumerate(blocks):
+            _gradient_targets(slots[s][:, :, -1], pattern, own)
+        targets.append(slots)
     return pattern, targets
 
 
 def _block_targets(
-    pattern: BlockPattern,
-    entry: IndexArray,
-    high: IndexArray,
-    flipped: BoolArray,
-    use: BoolArray,
-    shape: tuple[int, int],
-) -> IndexArray:
-    """Positions (m, *shape) of the entries of the slots' blocks: as they stand, or transposed where flipped."""
-    a, b = np.arange(shape[0])[None, :, None], np.arange(shape[1])[None, None, :]
-    row, column = np.where(flipped[:, None, None], b, a), np.where(flipped[:, None, None], a, b)
-    first, height = pattern.base[entry][:, None, None], pattern.heights[high][:, None, None]
-    targets = np.asarray(first + column * height + row, dtype=np.intp)
-    targets[~use] = pattern.stored + pattern.dimension
-    return targets
+    out: IndexArray, pattern: BlockPattern, entry: IndexArray, high: IndexArray, flipped: BoolArray, use: BoolArray
+) -> None:
+    """Write positions (m, d_s, d_t) of the entries of the slots' blocks: as they stand, or transposed where flipped."""
+    first, height = pattern.base[entry], pattern.heights[high]
+    down, right = np.where(flipped, height, 1), np.where(flipped, 1, height)
+    for a in range(out.shape[1]):
+        for b in range(out.shape[2]):
+            out[:, a, b] = first + a * down + b * right
+    if not use.all():
+        out[~use] = pattern.stored + pattern.dimension
 
 
-def _gradient_targets(pattern: BlockPattern, blocks: IndexArray, dimension: int) -> IndexArray:
-    """Positions (m, dimension, 1) of the gradient's entries."""
-    targets = pattern.stored + pattern.offsets[blocks][:, None, None] + np.arange(dimension)[None, :, None]
-    targets[blocks < 0] = pattern.stored + pattern.dimension
-    return targets
+def _gradient_targets(out: IndexArray, pattern: BlockPattern, blocks: IndexArray) -> None:
+    """Write positions (m, d_s) of the gradient's entries."""
+    for a in range(out.shape[1]):
+        out[:, a] = pattern.stored + pattern.offsets[blocks] + a
+    out[blocks < 0] = pattern.stored + pattern.dimension
 
 
 def _block_numbers(graph: FactorGraph, held: Held) -> tuple[dict[str, IndexArray], IndexArray]:

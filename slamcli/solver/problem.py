@@ -8,7 +8,7 @@ import numpy as np
 
 from slamcli.graph import FactorGraph
 from slamcli.graph.columns import Values
-from slamcli.models.base import Array
+from slamcli.models.base import Array, dot
 from slamcli.solver import backends, ordering, symbolic
 from slamcli.solver.gauge import Held
 from slamcli.solver.linear_system import Linearizer, LinearSystem
@@ -79,12 +79,12 @@ class Problem:
 
     def model_decrease(self, system: LinearSystem, delta: Array) -> float:
         """Decrease of chi2 that the quadratic model predicts for a step: -2 g^T delta - delta^T H delta."""
-        return -2.0 * float(system.gradient @ delta) - self.pattern.quadratic_form(system.hessian, delta)
+        return -2.0 * dot(system.gradient, delta) - self.pattern.quadratic_form(system.hessian, delta)
 
     def newton_decrement(self, system: LinearSystem) -> float | None:
         """Decrease of chi2 that the full Gauss-Newton step promises, g^T H^-1 g; None where H is singular."""
         try:
-            return -float(system.gradient @ self.solve(system))
+            return -dot(system.gradient, self.solve(system))
         except backends.NotPositiveDefiniteError:
             return None
 

@@ -73,7 +73,7 @@ class Termination:
             self._previous = decrease
         options = self._options
         if iterations >= options.max_iterations:
-            return Verdict(Status.NOT_CONVERGED, f"{iterations} iterations used up")
+            return Verdict(Status.NOT_CONVERGED, f"iteration limit {iterations} reached")
         if options.time_limit is not None and seconds >= options.time_limit:
             return Verdict(Status.NOT_CONVERGED, f"time limit of {options.time_limit:g} s used up")
         return None
@@ -82,7 +82,9 @@ class Termination:
         """The verdict on damped steps in the light of what the full step promises (None: H is singular)."""
         if promised is None:
             return Verdict(verdict.status, f"{verdict.reason}; H is singular: other minima are as good")
-        if promised <= _CONFIRM * self._options.tolerance * step.system.chi2:
+        chi2 = step.system.chi2
+        least = max(_CONFIRM * self._options.tolerance * chi2, _ROUNDING * chi2, _ROUNDING_AT_START * self._initial)
+        if min(promised, chi2) <= least:  # no step gains more than all of chi2
             return verdict
         if step.accepted:
             return None

@@ -107,9 +107,7 @@ def test_log_gives_back_the_shortest_tangent_vector(group: ModuleType, angle: fl
         assert_allclose(back[:, rotation], xi[:, rotation], rtol=4e-15, atol=0)
     else:
         back = group.log(group.exp(xi))[:, TRANSLATION[group] :]
-        assert_allclose(
-            np.linalg.norm(back, axis=-1), min(angle, 2 * PI - angle), rtol=0, atol=2e-15
-        )
+        assert_allclose(np.linalg.norm(back, axis=-1), min(angle, 2 * PI - angle), rtol=0, atol=2e-15)
         again = group.exp(group.log(group.exp(xi)))
         assert_allclose(group.to_matrix(again), group.to_matrix(group.exp(xi)), atol=1e-14)
 

@@ -39,9 +39,7 @@ def elements(group: ModuleType) -> st.SearchStrategy[Array]:
     """Elements with positions up to 10, any rotation and both signs of a quaternion."""
     shift = TRANSLATION[group]
     if POINT[group] == 2:
-        angles = nps.arrays(
-            np.float64, (BATCH, 1), elements=st.floats(-np.pi, np.pi, exclude_max=True)
-        )
+        angles = nps.arrays(np.float64, (BATCH, 1), elements=st.floats(-np.pi, np.pi, exclude_max=True))
         return st.tuples(numbers(shift, 10), angles).map(np.hstack)
     return st.tuples(numbers(shift, 10), numbers(4, 1).map(unit_quaternions)).map(np.hstack)
 
@@ -87,9 +85,7 @@ def test_action_on_points(group: ModuleType, data: st.DataObject) -> None:
     x, y = data.draw(elements(group)), data.draw(elements(group))
     p = data.draw(numbers(POINT[group], 10))
     assert_allclose(group.act(group.identity((BATCH,)), p), p, rtol=0, atol=0)
-    assert_allclose(
-        group.act(group.compose(x, y), p), group.act(x, group.act(y, p)), rtol=0, atol=1e-13
-    )
+    assert_allclose(group.act(group.compose(x, y), p), group.act(x, group.act(y, p)), rtol=0, atol=1e-13)
     padded = np.concatenate([p, np.ones((BATCH, 1))], axis=-1)[:, : group.to_matrix(x).shape[-1]]
     mapped = (group.to_matrix(x) @ padded[..., np.newaxis])[..., : POINT[group], 0]
     assert_allclose(group.act(x, p), mapped, rtol=0, atol=1e-13)
@@ -144,9 +140,7 @@ def test_adjoint(group: ModuleType, data: st.DataObject) -> None:
     conjugated = group.compose(group.compose(x, group.exp(xi)), group.inverse(x))
     moved = (group.adjoint(x) @ xi[..., np.newaxis])[..., 0]
     assert_same(group, conjugated, group.exp(moved), atol=1e-12)
-    assert_allclose(
-        group.adjoint(group.compose(x, y)), group.adjoint(x) @ group.adjoint(y), atol=1e-12
-    )
+    assert_allclose(group.adjoint(group.compose(x, y)), group.adjoint(x) @ group.adjoint(y), atol=1e-12)
 
 
 @all_groups
@@ -276,9 +270,7 @@ def test_binary_functions_broadcast(group: ModuleType, name: str) -> None:
         ("right_jacobian_inverse", True, "DD"),
     ],
 )
-def test_unary_functions_take_batches(
-    group: ModuleType, name: str, of_tangent: bool, tail: str
-) -> None:
+def test_unary_functions_take_batches(group: ModuleType, name: str, of_tangent: bool, tail: str) -> None:
     argument = sample(group, 3, 2)[int(of_tangent)]
     function = getattr(group, name)
     expected = np.array([[function(argument[i, j]) for j in range(2)] for i in range(3)])

@@ -77,7 +77,8 @@ def test_log_and_local_take_the_short_way(x: Array, y: Array) -> None:
     assert np.linalg.norm(so3.log(x)) <= PI * (1 + 1e-15)
     w = np.abs(so3.between(x, y)[3])
     assert_allclose(np.sum(so3.local(x, y) ** 2), 1 - w * w, atol=1e-15)
-    assert_allclose(so3.local(x, so3.retract(x, so3.local(x, y))), so3.local(x, y), atol=1e-14)
+    if w > 1e-9:  # at half a turn either end of the axis is right
+        assert_allclose(so3.local(x, so3.retract(x, so3.local(x, y))), so3.local(x, y), atol=1e-14)
 
 
 @pytest.mark.parametrize("axis", AXES, ids=str)
@@ -102,6 +103,7 @@ def test_log_needs_no_unit_norm() -> None:
     q = so3.exp(np.array([0.3, -0.2, 0.5]))
     assert_allclose(so3.log(1e-3 * q), [0.3, -0.2, 0.5], rtol=1e-15)
     assert_array_equal(so3.log(np.array([0.0, 0.0, 0.0, -2.0])), np.zeros(3))
+    assert np.all(np.isnan(so3.log(np.zeros(4))))
 
 
 def test_normalize() -> None:

@@ -11,10 +11,10 @@ from slamcli.graph import analyze
 from slamcli.graph.describe import describe, worst_edges
 
 SQUARE = """\
-VERTEX_SE2 0 0 0 0
-VERTEX_SE2 1 3 0 0
-VERTEX_SE2 2 3 4 0
 VERTEX_SE2 4 0 4 0
+VERTEX_SE2 0 0 0 0
+VERTEX_SE2 2 3 4 0
+VERTEX_SE2 1 3 0 0
 VERTEX_XY 10 5 -1
 VERTEX_XY 77 0 0
 FIX 0
@@ -34,7 +34,7 @@ def test_a_small_graph(tmp_path: Path) -> None:
     assert (points.kind, points.count, points.fixed) == ("XY", 2, 0)
     assert description.dimension == 4 * 3 + 2 * 2
     assert description.residuals == 4 * 3 + 2
-    assert description.components == [5, 1]
+    assert description.component_sizes == [5, 1]
     assert description.isolated == 1
     assert (description.degree_min, description.degree_max) == (0, 3)
     assert description.degree_mean == pytest.approx(2 * 5 / 6)
@@ -67,7 +67,7 @@ def test_without_estimates_there_is_no_extent_and_no_chi2(tmp_path: Path) -> Non
     assert [summary.without_estimate for summary in description.variables] == [4, 1]
     assert description.path_length is description.bounding_box is description.chi2 is None
     assert [factors.chi2 for factors in description.factors] == [None, None]
-    assert description.components == [5]
+    assert description.component_sizes == [5]
 
 
 @pytest.mark.parametrize(
@@ -81,7 +81,7 @@ def test_sums_of_the_parts(name: str) -> None:
     assert sum(summary.count for summary in description.factors) == graph.edges
     assert sum(summary.loop_closures for summary in description.factors) == description.loop_closures
     assert sum(summary.chi2 or 0.0 for summary in description.factors) == pytest.approx(graph.chi2(), rel=1e-13)
-    assert sum(description.components) == graph.poses + graph.landmarks
+    assert sum(description.component_sizes) == graph.poses + graph.landmarks
     assert topology.degrees.sum() == 2 * sum(len(f) for f in graph.factors if len(f.kind.variables) == 2)
     assert description.residuals - description.dimension == graph.degrees_of_freedom()
     assert description.bounding_box is not None

@@ -55,7 +55,7 @@ def with_unit_quaternion(line: str) -> str:
 
 
 def g2opy_chi2(path: Path) -> float:
-    g2o = pytest.importorskip("g2o")
+    g2o = pytest.importorskip("g2opy")
     optimizer = g2o.SparseOptimizer()
     optimizer.set_verbose(False)
     solver = g2o.BlockSolverX(g2o.LinearSolverEigenX())

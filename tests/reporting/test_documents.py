@@ -94,10 +94,11 @@ def test_numbers_of_an_optimization(result: Result) -> None:
 def test_keys_of_a_description() -> None:
     graph = slamcli.read(PATH)
     document = json.loads(documents.dumps(documents.info_document(graph, describe(graph), worst_edges(graph, 1))))
-    assert set(document) >= HEAD | {"input", "variables", "factors", "components", "degree_mean", "chi2", "worst"}
+    assert set(document) >= HEAD | {"input", "variables", "factors", "component_sizes", "degree_mean", "chi2", "worst"}
     assert set(document["input"]) >= INPUT
     assert document["command"] == "info"
     assert document["chi2"] == graph.chi2()
+    assert document["component_sizes"] == [130]
     assert sum(factors["count"] for factors in document["factors"]) == document["input"]["edges"] == 486
     assert sum(factors["chi2"] for factors in document["factors"]) == pytest.approx(document["chi2"])
     assert len(document["worst"]) == 1

@@ -75,13 +75,19 @@ def test_rows_of_the_table_stand_under_their_titles() -> None:
         iterations.line(45.7, record(damping=0.0162)),
         iterations.line(1e9, record(iteration=100, time=2.0)),
     )
-    titles = iterations.HEADER.split()
+    header = iterations.header("lm")
+    titles = header.split()
     assert titles == ["iteration", "chi2", "change", "gradient", "step", "damping", "trials", "time"]
-    assert ends(start) == ends(iterations.HEADER)[:2]
-    assert ends(damped) == ends(plain) == ends(iterations.HEADER)
+    assert ends(start) == ends(header)[:2]
+    assert ends(damped) == ends(plain) == ends(header)
     assert start.split() == ["0", "551.735731"]
     assert dict(zip(titles, damped.split(), strict=False))["damping"] == "1.62e-02"
     assert dict(zip(titles, plain.split(), strict=False))["damping"] == "-"
+
+
+def test_the_damping_of_dogleg_is_its_radius() -> None:
+    assert "radius" in iterations.header("dogleg") and "damping" not in iterations.header("dogleg")
+    assert len(iterations.header("dogleg")) == len(iterations.header("gn"))
 
 
 def test_rejected_steps_are_marked() -> None:

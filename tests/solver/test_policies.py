@@ -66,6 +66,8 @@ def test_dogleg_steps_stay_within_the_radius() -> None:
     radius = 1e4
     for record in result.trace:
         assert record.step_norm <= radius * (1.0 + 1e-9)
+        if record.step != "gauss-newton" and record.trials == 1:
+            assert record.step_norm == pytest.approx(radius)
         assert record.damping is not None
         radius = record.damping
     kinds = {record.step for record in result.trace}
@@ -102,6 +104,22 @@ def test_damping_starts_as_in_g2o_and_falls_to_a_third() -> None:
     result = slamcli.optimize(graph, method="lm", tolerance=0.0, max_iterations=3)
     damping = [record.damping for record in result.trace]
     assert damping[:2] == pytest.approx([1e-5 * largest / 3.0, 1e-5 * largest / 9.0], rel=1e-6)
+
+
+@pytest.mark.parametrize(("turn", "seed", "limit"), [(2.0, 1, 1.0 / 3.0), (2.5, 3, None), (2.5, 1, 2.0 / 3.0)])
+def test_damping_follows_the_gain_ratio(turn: float, seed: int, limit: float | None) -> None:
+    """Nielsen's rule: lambda *= max(1/3, min(2/3, 1 - (2 rho - 1)^3)), with the actual over the predicted decrease."""
+    graph = spoiled("square_toro.graph", turn, seed)
+    problem = make_problem(graph)
+    system = problem.linearize(graph.values)
+    damping = 1e-5 * problem.diagonal(system).max()
+    delta = problem.solve(system, np.full_like(system.gradient, damping))
+    record = slamcli.optimize(graph, method="lm", max_iterations=1).trace[0]
+    rho = -record.chi2_change / float(delta @ (damping * delta - system.gradient))
+    rule = 1.0 - (2.0 * rho - 1.0) ** 3
+    assert record.trials == 1
+    assert (limit is None) == (1.0 / 3.0 < rule < 2.0 / 3.0)
+    assert record.damping == pytest.approx(damping * (limit or rule), rel=1e-6)
 
 
 @pytest.mark.parametrize("scaling", ["none", "marquardt"])

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from typing import Protocol
 
+import numpy as np
+
 from slamcli.errors import UsageError
 from slamcli.graph.columns import IndexArray
 from slamcli.models.base import Array
 from slamcli.solver.pattern import BlockPattern
+
+#: A pivot below this share of the largest one is rounding (the worst of the standard sets has 1.6e-11).
+ROUNDING = 1e-15
 
 
 class NotPositiveDefiniteError(ArithmeticError):
@@ -25,6 +30,21 @@ class Factorization(Protocol):
 
     def solve(self, rhs: Array) -> Array:
         """Solution for one right-hand side with the current factor."""
+
+
+def require_positive(pivots: Array) -> None:
+    """Check the pivots d of L D L^T (the squares of the diagonal of L in L L^T).
+
+    A pivot that is rounding beside the largest one means a singular matrix, whatever its sign.
+
+    Raises
+    ------
+    NotPositiveDefiniteError
+        If one is not clearly positive.
+    """
+    smallest, largest = float(pivots.min(initial=np.inf)), float(pivots.max(initial=0.0))
+    if not smallest > ROUNDING * largest:
+        raise NotPositiveDefiniteError(f"the smallest pivot is {smallest:.1e}, the largest {largest:.1e}")
 
 
 def make(name: str, pattern: BlockPattern, permutation: IndexArray) -> Factorization:

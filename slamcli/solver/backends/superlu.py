@@ -8,7 +8,7 @@ from scipy.sparse.linalg import splu
 
 from slamcli.graph.columns import IndexArray
 from slamcli.models.base import Array
-from slamcli.solver.backends import NotPositiveDefiniteError
+from slamcli.solver.backends import NotPositiveDefiniteError, require_positive
 from slamcli.solver.pattern import BlockPattern
 
 
@@ -46,8 +46,7 @@ class SuperLU:
             )
         except RuntimeError as error:
             raise NotPositiveDefiniteError(str(error)) from None
-        if not (self._factor.U.diagonal() > 0.0).all():
-            raise NotPositiveDefiniteError("a pivot is not positive")
+        require_positive(self._factor.U.diagonal())
 
     def solve(self, rhs: Array) -> Array:
         """Solution of A x = rhs."""
