@@ -312,12 +312,10 @@ class _Reader:
         foreign = np.array([name.decode("utf-8", "replace") not in used for name in names] + [False])
         none = np.empty(0, dtype=np.intp)
         parameter_lines = [records.rows[p.tag].lines for p in self.dialect.parameters if p.tag in records.rows]
-        start, stop = text.record_spans()
         return Document(
             raw=self.raw,
             data=text.data,
-            record_start=start,
-            record_stop=stop,
+            spans=text.record_spans,
             line_start=text.line_start,
             kept=np.sort(np.append(np.flatnonzero(foreign[index]), list(records.ignored)).astype(np.intp)) + 1,
             comments=np.flatnonzero(text.counts == 0) + 1,

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from slamcli.graph.columns import IndexArray
 from slamcli.models.base import Array
 
-_BLANK, _NEWLINE, _HASH, _COMMA = 32, 10, 35, 44
+_BLANK, _NEWLINE, _HASH, _COMMA, _OPEN, _CLOSE = 32, 10, 35, 44, 91, 93
 _TAG_WORDS = 8  # 64 bytes of the first token tell tags apart
 _NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z")
 _BOM = b"\xef\xbb\xbf"
@@ -87,7 +87,8 @@ class TokenizedText:
         inked = buffer > _BLANK
         text_start = len(_BOM) if data.startswith(_BOM) else 0
         inked[:text_start] = False
-        edges = np.flatnonzero(inked[1:] != inked[:-1]) + 1  # starts and stops in turn
+        edges = np.flatnonzero(inked[1:] != inked[:-1])  # starts and stops in turn
+        edges += 1
         if len(inked) and inked[0]:
             edges = np.concatenate([[0], edges])
         if len(edges) % 2:
@@ -217,13 +218,18 @@ class TokenizedText:
         """Numbers of the used lines, None where the parser met something that is not a number."""
         if not (self.counts[lines] > 1).any():
             return np.empty(0)
-        clean = np.maximum(self._buffer, _BLANK)  # all control characters are blanks
+        text = bytearray(len(self.data) + 2)
+        text[0], text[-1] = _OPEN, _CLOSE
+        clean = np.frombuffer(text, dtype=np.uint8)[1:-1]
+        np.maximum(self._buffer, _BLANK, out=clean)  # all control characters are blanks
         clean[self.token_start[1:] - 1] = _COMMA  # before each token; what is no number is blanked with its comma
         clean[: self.line_start[0]] = _BLANK
         token = self.first[lines]
-        start, length = self.token_start[token] - 1, self.token_stop[token] - self.token_start[token] + 1
+        start = np.maximum(self.token_start[token] - 1, 0)
+        length = self.token_stop[token] - start
         for size in np.flatnonzero(np.bincount(length)).tolist():
-            clean[np.maximum(start[length == size], 0)[:, None] + np.arange(size)] = _BLANK
+            stretches = np.lib.stride_tricks.as_strided(clean, (len(clean) - size + 1, size), (1, 1))
+            stretches[start[length == size]] = _BLANK
         # whole lines that are not used, in runs, and comments behind records
         edges = np.flatnonzero(np.diff(use.astype(np.int8), prepend=1, append=1))
         for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True):
@@ -233,7 +239,7 @@ class TokenizedText:
             clean[comment - 1 : self.line_start[line + 1]] = _BLANK
         first_number = self.first[lines[self.counts[lines] > 1][0]] + 1
         clean[self.token_start[first_number] - 1] = _BLANK
-        return _parse_list(clean.tobytes())
+        return _parse_list(text)
 
     def _bad_tokens(self, lines: IndexArray) -> list[BadToken]:
         """All tokens of the given lines that are not finite numbers (the slow path of broken files)."""
@@ -247,18 +253,24 @@ class TokenizedText:
         return bad
 
 
-def _parse_list(text: bytes) -> Array | None:
-    """Numbers of a comma-separated list, None where there is something that is not a number."""
+def _has_negative_zero(text: NDArray[np.uint8]) -> bool:
+    """Whether a number ends in ``-0``."""
+    minus, zero, after = text[:-2] == ord("-"), text[1:-1] == ord("0"), text[2:]
+    return bool((minus & zero & ((after <= _COMMA) | (after == _CLOSE))).any())
+
+
+def _parse_list(text: bytearray) -> Array | None:
+    """Numbers of a bracketed, comma-separated list, None where there is something that is not a number."""
     # true, false and null are JSON, too; and JSON's -0 is an integer, which has no sign
-    if not any(part in text for part in (b"u", b"l", b"-0,", b"-0 ")) and not text.endswith(b"-0"):
+    if not (b"u" in text or b"l" in text or _has_negative_zero(np.frombuffer(text, dtype=np.uint8))):
         try:
-            found = orjson.loads(b"[" + text + b"]")
+            found = orjson.loads(text)
             return np.fromiter(found, dtype=np.float64, count=len(found))
         except (ValueError, TypeError, OverflowError):
             pass
     with warnings.catch_warnings():
         warnings.simplefilter("error", DeprecationWarning)
         try:
-            return np.fromstring(text.replace(b",", b" "), dtype=np.float64, sep=" ")
+            return np.fromstring(bytes(text[1:-1]).replace(b",", b" "), dtype=np.float64, sep=" ")
         except (DeprecationWarning, ValueError):
             return None

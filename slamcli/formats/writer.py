@@ -117,7 +117,7 @@ def _changed_vertices(graph: FactorGraph, document: Document) -> dict[int, str]:
 
 def _original_tags(document: Document, lines: IndexArray) -> list[str]:
     """First words of the given lines."""
-    starts = document.record_start[lines - 1].tolist()
+    starts = document.record_spans[0][lines - 1].tolist()
     return [_WORD.match(document.data, start)[0].decode() for start in starts]  # type: ignore[index]
 
 
@@ -220,7 +220,8 @@ def _spliced(document: Document, new: dict[int, str], inserted: list[str], gone:
     if not new and not inserted and not gone:
         return document.data
     edits = [
-        (int(document.record_start[k - 1]), int(document.record_stop[k - 1]), text.encode()) for k, text in new.items()
+        (int(document.record_spans[0][k - 1]), int(document.record_spans[1][k - 1]), text.encode())
+        for k, text in new.items()
     ]
     edits += [(int(document.line_start[k - 1]), int(document.line_start[k]), b"") for k in gone]
     if inserted:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -18,9 +19,9 @@ class Document:
         The bytes as they came (compressed if they were).
     data
         The text, decompressed.
-    record_start, record_stop
-        Byte offsets, for each line, of its first token and of the end of its last token (comments excluded);
-        equal on blank and comment lines.
+    spans
+        Gives the byte offsets, for each line, of its first token and of the end of its last token (comments
+        excluded); equal on blank and comment lines. Only the writer asks for them.
     line_start
         Byte offsets of the lines, and the length of the text as a last entry.
     kept
@@ -37,8 +38,7 @@ class Document:
 
     raw: bytes
     data: bytes
-    record_start: IndexArray
-    record_stop: IndexArray
+    spans: Callable[[], tuple[IndexArray, IndexArray]]
     line_start: IndexArray
     kept: IndexArray
     comments: IndexArray
@@ -51,6 +51,11 @@ class Document:
         """The text of a line (numbered from 1)."""
         start, stop = self.line_start[line - 1], self.line_start[line]
         return self.data[start:stop].decode("utf-8", "replace").rstrip("\r\n")
+
+    @cached_property
+    def record_spans(self) -> tuple[IndexArray, IndexArray]:
+        """See ``spans``."""
+        return self.spans()
 
     @cached_property
     def sha256(self) -> str:
