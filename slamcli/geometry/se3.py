@@ -24,7 +24,7 @@ from math import factorial
 import numpy as np
 from numpy.typing import NDArray
 
-from slamcli.geometry import so2, so3
+from slamcli.geometry import quaternion, so2, so3
 from slamcli.geometry.so2 import pack, unpack
 
 Array = NDArray[np.float64]
@@ -43,21 +43,21 @@ def identity(batch_shape: tuple[int, ...] = ()) -> Array:
 def normalize(x: Array) -> Array:
     """Scale the quaternion of ``x`` (..., 7) to unit norm; of norm zero, it becomes NaN."""
     tx, ty, tz, *q = unpack(x)
-    return pack(tx, ty, tz, *so3.unit(q))
+    return pack(tx, ty, tz, *quaternion.unit(q))
 
 
 def compose(x: Array, y: Array) -> Array:
     """Return x y, (t_x + R_x t_y, q_x q_y); all are (..., 7)."""
     (tx, ty, tz, *qx), (u, v, w, *qy) = unpack(x), unpack(y)
-    u, v, w = so3.rotate(qx, (u, v, w))
-    return pack(tx + u, ty + v, tz + w, *so3.multiply(qx, qy))
+    u, v, w = quaternion.rotate(qx, (u, v, w))
+    return pack(tx + u, ty + v, tz + w, *quaternion.multiply(qx, qy))
 
 
 def inverse(x: Array) -> Array:
     """Return the pose of the world seen from x, (-R^T t, q^-1); (..., 7) to (..., 7)."""
     tx, ty, tz, *q = unpack(x)
-    back = so3.conjugate(q)
-    return pack(*so3.rotate(back, (-tx, -ty, -tz)), *back)
+    back = quaternion.conjugate(q)
+    return pack(*quaternion.rotate(back, (-tx, -ty, -tz)), *back)
 
 
 def between(x: Array, y: Array) -> Array:
@@ -67,8 +67,8 @@ def between(x: Array, y: Array) -> Array:
     the origin keep their digits.
     """
     (tx, ty, tz, *qx), (u, v, w, *qy) = unpack(x), unpack(y)
-    back = so3.conjugate(qx)
-    return pack(*so3.rotate(back, (u - tx, v - ty, w - tz)), *so3.multiply(back, qy))
+    back = quaternion.conjugate(qx)
+    return pack(*quaternion.rotate(back, (u - tx, v - ty, w - tz)), *quaternion.multiply(back, qy))
 
 
 def act(x: Array, p: Array) -> Array:
@@ -86,7 +86,7 @@ def act(x: Array, p: Array) -> Array:
         Coordinates in the frame that x is given in, R p + t.
     """
     tx, ty, tz, *q = unpack(x)
-    u, v, w = so3.rotate(q, unpack(p))
+    u, v, w = quaternion.rotate(q, unpack(p))
     return pack(tx + u, ty + v, tz + w)
 
 
@@ -215,8 +215,8 @@ def retract(x: Array, delta: Array) -> Array:
         (t + R d_t, q (d, sqrt(1 - |d|^2)) renormalized).
     """
     (tx, ty, tz, *q), (u, v, w, *d) = unpack(x), unpack(delta)
-    u, v, w = so3.rotate(q, (u, v, w))
-    return pack(tx + u, ty + v, tz + w, *so3.unit(so3.multiply(q, so3.complete(d))))
+    u, v, w = quaternion.rotate(q, (u, v, w))
+    return pack(tx + u, ty + v, tz + w, *quaternion.unit(quaternion.multiply(q, quaternion.complete(d))))
 
 
 def local(x: Array, y: Array) -> Array:
@@ -233,7 +233,7 @@ def local(x: Array, y: Array) -> Array:
         of x^-1 y.
     """
     u, v, w, *q = unpack(between(x, y))
-    return pack(u, v, w, *so3.vector_part(q))
+    return pack(u, v, w, *quaternion.vector_part(q))
 
 
 def to_matrix(x: Array) -> Array:
@@ -253,8 +253,8 @@ def from_matrix(T: Array) -> Array:
 def _apply(omega: Array, a: Array, b: Array, v: Array) -> list[Array]:
     """Return the components of (1 + a skew(omega) + b skew(omega)^2) v, all (..., 3)."""
     axis, vector = unpack(omega), unpack(v)
-    once = so3.cross(axis, vector)
-    twice = so3.cross(axis, once)
+    once = quaternion.cross(axis, vector)
+    twice = quaternion.cross(axis, once)
     return [p + a * q + b * r for p, q, r in zip(vector, once, twice, strict=True)]
 
 

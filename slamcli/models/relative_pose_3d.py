@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from slamcli.geometry import se3, so3
-from slamcli.geometry.so3 import Components
+from slamcli.geometry import quaternion, se3
+from slamcli.geometry.quaternion import Components
 from slamcli.models.base import Array, FactorKind, components
 from slamcli.models.variables import SE3
 
@@ -57,15 +57,15 @@ class RelativePose3D(FactorKind):
         jacobian_i, jacobian_j = jacobians
         u, sign, z_conjugate, delta, error = _residual(residual, x[0], x[1], measurement)
         u2 = [2.0 * k for k in u]
-        for row, entries in enumerate(so3.matrix_rows(z_conjugate)):
+        for row, entries in enumerate(quaternion.matrix_rows(z_conjugate)):
             for column, entry in enumerate(entries):
                 np.negative(entry, out=jacobian_i[:, row, column])
             # R_i (I + 2[d]x) transposed acts on u as u - 2 d x u = u + 2 [u]x d
             # (a row times a skew matrix is the cross product of the row with its vector)
-            for column, entry in enumerate(so3.cross(entries, u2)):
+            for column, entry in enumerate(quaternion.cross(entries, u2)):
                 jacobian_i[:, row, 3 + column] = entry
         vector_part_jacobian(jacobian_i[:, 3:, 3:], z_conjugate, delta, -sign)
-        for row, entries in enumerate(so3.matrix_rows(error)):
+        for row, entries in enumerate(quaternion.matrix_rows(error)):
             for column, entry in enumerate(entries):
                 jacobian_j[:, row, column] = entry
         vector_part_right_jacobian(jacobian_j[:, 3:, 3:], error, sign)
@@ -76,12 +76,12 @@ def _residual(
 ) -> tuple[Components, Array, Components, Components, Components]:
     """Write the residual; return u = R_i^T (t_j - t_i), the sign that makes w >= 0, and q_z*, q_i* q_j and q_E."""
     i, j, d = components(pose_i), components(pose_j), components(z)
-    i_conjugate, z_conjugate = so3.conjugate(i[3:]), so3.conjugate(d[3:])
-    u = so3.rotate(i_conjugate, [j[k] - i[k] for k in range(3)])
-    delta = so3.multiply(i_conjugate, j[3:])
-    error = so3.multiply(z_conjugate, delta)
+    i_conjugate, z_conjugate = quaternion.conjugate(i[3:]), quaternion.conjugate(d[3:])
+    u = quaternion.rotate(i_conjugate, [j[k] - i[k] for k in range(3)])
+    delta = quaternion.multiply(i_conjugate, j[3:])
+    error = quaternion.multiply(z_conjugate, delta)
     sign = np.where(error[3] < 0.0, -1.0, 1.0)
-    for k, translation in enumerate(so3.rotate(z_conjugate, [u[k] - d[k] for k in range(3)])):
+    for k, translation in enumerate(quaternion.rotate(z_conjugate, [u[k] - d[k] for k in range(3)])):
         residual[:, k] = translation
         np.multiply(sign, error[k], out=residual[:, 3 + k])
     return u, sign, z_conjugate, delta, error
