@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 import slamcli
-from slamcli.solver import gauge, steps
+from slamcli.solver import gauge, policies
 from slamcli.solver.initialization import initialize
 from slamcli.solver.options import OptimizeOptions
 from slamcli.solver.problem import Problem
@@ -71,7 +71,7 @@ def iterations(folder: Path, runs: int) -> None:
         values, _ = initialize(graph, start, held)
         stopwatch = Stopwatch()
         problem = Problem(graph, held, OptimizeOptions(), stopwatch)
-        policy = steps.make(OptimizeOptions())
+        policy = policies.make(OptimizeOptions())
         now = problem.linearize(values)
         policy.step(problem, now)
         stopwatch.seconds.clear()

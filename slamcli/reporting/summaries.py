@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 from slamcli.graph import FactorGraph, ReadingReport, Topology
 from slamcli.reporting.text import coloured, count, plural, seconds, table
-from slamcli.solver.result import Result, Sparsity, Status
+from slamcli.solver.result import Result, Status
+from slamcli.solver.symbolic import Sparsity
 
 if TYPE_CHECKING:
     from slamcli.graph.describe import GraphDescription, WorstEdge

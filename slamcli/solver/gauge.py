@@ -2,15 +2,32 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from slamcli.graph import FactorGraph
 from slamcli.graph.columns import BoolArray, IndexArray
 from slamcli.graph.topology import connected_components, node_offsets, node_pairs
-from slamcli.solver.result import Gauge
 
 #: Which variables of each kind are held.
 Held = dict[str, BoolArray]
+
+
+@dataclass(frozen=True)
+class Gauge:
+    """Which variables were held and why.
+
+    Attributes
+    ----------
+    held
+        Their ids.
+    reason
+        In words.
+    """
+
+    held: tuple[int, ...]
+    reason: str
 
 
 def choose(graph: FactorGraph) -> tuple[Gauge, Held]:

@@ -11,7 +11,7 @@ from typing import Any
 from slamcli.errors import InputError, NumericalError
 from slamcli.graph import FactorGraph
 from slamcli.graph.columns import Values
-from slamcli.solver import diagnosis, gauge, steps
+from slamcli.solver import diagnosis, gauge, policies
 from slamcli.solver.backends import NotPositiveDefiniteError
 from slamcli.solver.initialization import initialize
 from slamcli.solver.linear_system import LinearSystem
@@ -106,7 +106,7 @@ class _Run:
         now = problem.linearize(values)
         initial = now.chi2
         termination = Termination(self.options, initial)
-        policy = steps.make(self.options)
+        policy = policies.make(self.options)
         self.on_iteration(initial, None)
         if not now.is_finite:
             return self._failed(problem, now, initial, diagnosis.not_finite(self.graph, now))

@@ -13,8 +13,8 @@ from slamcli.solver import backends, ordering, symbolic
 from slamcli.solver.gauge import Held
 from slamcli.solver.linear_system import Linearizer, LinearSystem
 from slamcli.solver.options import OptimizeOptions
-from slamcli.solver.result import Sparsity
 from slamcli.solver.stopwatch import Stopwatch
+from slamcli.solver.symbolic import Sparsity
 
 
 class Problem:

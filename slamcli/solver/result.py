@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 
 from slamcli.errors import ExitCode
 from slamcli.graph import FactorGraph
+from slamcli.solver.gauge import Gauge
 from slamcli.solver.options import OptimizeOptions
+from slamcli.solver.symbolic import Sparsity
 
 if TYPE_CHECKING:
     from slamcli.solver.problem import Problem
@@ -72,53 +74,6 @@ class IterationRecord:
     accepted: bool
     step: str
     time: float
-
-
-@dataclass(frozen=True)
-class Sparsity:
-    """Sparsity of the linear system.
-
-    Attributes
-    ----------
-    dimension
-        Rows of H.
-    nnz_hessian
-        Nonzeros of the lower triangle of H, diagonal included (all entries of its dense blocks).
-    nnz_factor
-        Nonzeros of its Cholesky factor L.
-    fill_in
-        ``nnz_factor / nnz_hessian``: 1 where elimination creates no new entry.
-    factor_flops
-        Floating-point operations of the factorization, the sum of the squared column counts of L.
-    ordering
-        The elimination order.
-    density
-        Share of the full square matrix H that is not zero.
-    """
-
-    dimension: int
-    nnz_hessian: int
-    nnz_factor: int
-    fill_in: float
-    factor_flops: float
-    ordering: str
-    density: float
-
-
-@dataclass(frozen=True)
-class Gauge:
-    """Which variables were held and why.
-
-    Attributes
-    ----------
-    held
-        Their ids.
-    reason
-        In words.
-    """
-
-    held: tuple[int, ...]
-    reason: str
 
 
 @dataclass

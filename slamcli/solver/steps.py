@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from slamcli.solver.linear_system import LinearSystem
-from slamcli.solver.options import OptimizeOptions
 from slamcli.solver.problem import Problem
 
 
@@ -46,14 +45,3 @@ class Policy(Protocol):
 
     def step(self, problem: Problem, now: LinearSystem) -> Step:
         """One iteration; raises NotPositiveDefiniteError where the method needs a positive definite H."""
-
-
-def make(options: OptimizeOptions) -> Policy:
-    """The policy of a method of ``options.METHODS``."""
-    from slamcli.solver.dogleg import Dogleg
-    from slamcli.solver.gauss_newton import GaussNewton
-    from slamcli.solver.levenberg_marquardt import LevenbergMarquardt
-
-    if options.method == "lm":
-        return LevenbergMarquardt(marquardt_scaling=options.scaling == "marquardt")
-    return Dogleg() if options.method == "dogleg" else GaussNewton()

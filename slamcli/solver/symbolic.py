@@ -36,6 +36,37 @@ class SymbolicAnalysis:
     flops: float
 
 
+@dataclass(frozen=True)
+class Sparsity:
+    """Sparsity of the linear system.
+
+    Attributes
+    ----------
+    dimension
+        Rows of H.
+    nnz_hessian
+        Nonzeros of the lower triangle of H, diagonal included (all entries of its dense blocks).
+    nnz_factor
+        Nonzeros of its Cholesky factor L.
+    fill_in
+        ``nnz_factor / nnz_hessian``: 1 where elimination creates no new entry.
+    factor_flops
+        Floating-point operations of the factorization, the sum of the squared column counts of L.
+    ordering
+        The elimination order.
+    density
+        Share of the full square matrix H that is not zero.
+    """
+
+    dimension: int
+    nnz_hessian: int
+    nnz_factor: int
+    fill_in: float
+    factor_flops: float
+    ordering: str
+    density: float
+
+
 def analyze(pattern: BlockPattern, order: IndexArray) -> SymbolicAnalysis:
     """Symbolic analysis of a pattern under a block elimination order."""
     count = len(pattern.sizes)

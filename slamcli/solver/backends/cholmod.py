@@ -7,7 +7,7 @@ from cvxopt import cholmod, matrix, spmatrix
 
 from slamcli.graph.columns import IndexArray
 from slamcli.models.base import Array
-from slamcli.solver.backends import NotPositiveDefiniteError, require_positive
+from slamcli.solver.backends.protocol import NotPositiveDefiniteError, require_positive
 from slamcli.solver.pattern import BlockPattern
 
 _SIMPLICIAL, _SUPERNODAL = 0, 2

@@ -9,7 +9,7 @@ from scipy.sparse import csr_matrix
 
 from slamcli.graph.columns import IndexArray
 from slamcli.models.base import Array
-from slamcli.solver.backends import NotPositiveDefiniteError
+from slamcli.solver.backends.protocol import NotPositiveDefiniteError
 from slamcli.solver.pattern import BlockPattern
 
 _POSITIVE_DEFINITE = 2

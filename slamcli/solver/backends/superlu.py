@@ -8,7 +8,7 @@ from scipy.sparse.linalg import splu
 
 from slamcli.graph.columns import IndexArray
 from slamcli.models.base import Array
-from slamcli.solver.backends import NotPositiveDefiniteError, require_positive
+from slamcli.solver.backends.protocol import NotPositiveDefiniteError, require_positive
 from slamcli.solver.pattern import BlockPattern
 
 

@@ -1,0 +1,16 @@
+"""The methods by name."""
+
+from __future__ import annotations
+
+from slamcli.solver.dogleg import Dogleg
+from slamcli.solver.gauss_newton import GaussNewton
+from slamcli.solver.levenberg_marquardt import LevenbergMarquardt
+from slamcli.solver.options import OptimizeOptions
+from slamcli.solver.steps import Policy
+
+
+def make(options: OptimizeOptions) -> Policy:
+    """The policy of a method of ``options.METHODS``."""
+    if options.method == "lm":
+        return LevenbergMarquardt(marquardt_scaling=options.scaling == "marquardt")
+    return Dogleg() if options.method == "dogleg" else GaussNewton()
