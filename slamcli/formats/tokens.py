@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from slamcli.graph.columns import IndexArray
 from slamcli.models.base import Array
 
-_BLANK, _NEWLINE, _HASH, _COMMA, _OPEN, _CLOSE = 32, 10, 35, 44, 91, 93
+_BLANK, _NEWLINE, _HASH, _COMMA = 32, 10, 35, 44
+_CHUNK = 1 << 16  # bytes taken at a time, so that intermediate arrays stay in the cache and are used again
 _TAG_WORDS = 8  # 64 bytes of the first token tell tags apart
 _NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z")
 _BOM = b"\xef\xbb\xbf"
@@ -84,18 +85,10 @@ class TokenizedText:
         self.data = data
         buffer = np.frombuffer(data, dtype=np.uint8)
         self._buffer = buffer
-        inked = buffer > _BLANK
         text_start = len(_BOM) if data.startswith(_BOM) else 0
-        inked[:text_start] = False
-        edges = np.flatnonzero(inked[1:] != inked[:-1])  # starts and stops in turn
-        edges += 1
-        if len(inked) and inked[0]:
-            edges = np.concatenate([[0], edges])
-        if len(edges) % 2:
-            edges = np.append(edges, len(data))
+        edges, newlines = _edges_and_newlines(buffer, text_start)
         self.token_start: IndexArray = edges[0::2]
         self.token_stop: IndexArray = edges[1::2]
-        newlines = np.flatnonzero(buffer == _NEWLINE)
         ends_open = len(data) > text_start and (len(newlines) == 0 or newlines[-1] != len(data) - 1)
         tail = [len(data)] if ends_open else []
         self.line_start: IndexArray = np.concatenate([[text_start], newlines + 1, tail]).astype(np.intp)
@@ -218,9 +211,8 @@ class TokenizedText:
         """Numbers of the used lines, None where the parser met something that is not a number."""
         if not (self.counts[lines] > 1).any():
             return np.empty(0)
-        text = bytearray(len(self.data) + 2)
-        text[0], text[-1] = _OPEN, _CLOSE
-        clean = np.frombuffer(text, dtype=np.uint8)[1:-1]
+        text = bytearray(len(self.data))
+        clean = np.frombuffer(text, dtype=np.uint8)
         np.maximum(self._buffer, _BLANK, out=clean)  # all control characters are blanks
         clean[self.token_start[1:] - 1] = _COMMA  # before each token; what is no number is blanked with its comma
         clean[: self.line_start[0]] = _BLANK
@@ -253,24 +245,62 @@ class TokenizedText:
         return bad
 
 
-def _has_negative_zero(text: NDArray[np.uint8]) -> bool:
-    """Whether a number ends in ``-0``."""
-    minus, zero, after = text[:-2] == ord("-"), text[1:-1] == ord("0"), text[2:]
-    return bool((minus & zero & ((after <= _COMMA) | (after == _CLOSE))).any())
+def _edges_and_newlines(buffer: NDArray[np.uint8], start: int) -> tuple[IndexArray, IndexArray]:
+    """Where tokens start and stop, in turn, and where the line feeds are, from a byte offset on."""
+    offset = np.int32 if len(buffer) < 2**31 else np.int64  # half the memory for all files but the largest
+    edges, newlines = [], []
+    inside = False
+    for begin in range(start, len(buffer), _CHUNK):
+        chunk = buffer[begin : begin + _CHUNK]
+        inked = chunk > _BLANK
+        if bool(inked[0]) != inside:
+            edges.append(np.array([begin], dtype=offset))
+        found = np.flatnonzero(inked[1:] != inked[:-1])
+        edges.append((found + (begin + 1)).astype(offset))
+        newlines.append(np.flatnonzero(chunk == _NEWLINE) + begin)
+        inside = bool(inked[-1])
+    if inside:
+        edges.append(np.array([len(buffer)], dtype=offset))
+    none = np.empty(0, dtype=offset)
+    return np.concatenate([none, *edges]), np.concatenate([none, *newlines])
 
 
 def _parse_list(text: bytearray) -> Array | None:
-    """Numbers of a bracketed, comma-separated list, None where there is something that is not a number."""
+    """Numbers of a comma-separated list, None where there is something that is not a number.
+
+    In chunks: the Python numbers of one make room for those of the next.
+    """
+    parts, begin = [], 0
+    while begin < len(text):
+        stop = text.find(b",", begin + _CHUNK)
+        stop = len(text) if stop < 0 else stop
+        part = _parse_chunk(bytes(text[begin:stop]))
+        if part is None:
+            return None
+        parts.append(part)
+        begin = stop + 1
+    return np.concatenate(parts)
+
+
+def _has_negative_zero(text: NDArray[np.uint8]) -> bool:
+    """Whether a number ends in ``-0``."""
+    minus, zero = text[:-1] == ord("-"), text[1:] == ord("0")
+    ends = np.append(text[2:] <= _COMMA, True)
+    return bool((minus & zero & ends[: len(minus)]).any())
+
+
+def _parse_chunk(text: bytes) -> Array | None:
     # true, false and null are JSON, too; and JSON's -0 is an integer, which has no sign
     if not (b"u" in text or b"l" in text or _has_negative_zero(np.frombuffer(text, dtype=np.uint8))):
         try:
-            found = orjson.loads(text)
+            found = orjson.loads(b"[" + text + b"]")
             return np.fromiter(found, dtype=np.float64, count=len(found))
         except (ValueError, TypeError, OverflowError):
             pass
     with warnings.catch_warnings():
         warnings.simplefilter("error", DeprecationWarning)
         try:
-            return np.fromstring(bytes(text[1:-1]).replace(b",", b" "), dtype=np.float64, sep=" ")
+            numbers = text.replace(b",", b" ")
+            return np.empty(0) if numbers.isspace() else np.fromstring(numbers, dtype=np.float64, sep=" ")
         except (DeprecationWarning, ValueError):
             return None
