@@ -116,8 +116,11 @@ def _optimize(path: str, options: OptimizeOptions, given: dict[str, Any]) -> int
     graph = read(path, dialect=given["dialect"], lenient=given["lenient"])
     times["load"] = time.perf_counter() - started
     warn(summaries.reading_warnings(graph.report))
+    watcher = _watcher(graph.edges, given)
     with _interruptible() as interrupted:
-        result = optimize(graph, options=options, on_iteration=_watcher(graph.edges, given), interrupted=interrupted)
+        result = optimize(graph, options=options, on_iteration=watcher, interrupted=interrupted)
+    if watcher is not None and not given["g2o_log"]:
+        print(file=sys.stderr)  # between the table and the summary
     times["iterate"] = sum(record.time for record in result.trace)
     times["setup"] = time.perf_counter() - started - times["load"] - times["iterate"]
     failed = result.status == "numerical_failure"
@@ -127,7 +130,7 @@ def _optimize(path: str, options: OptimizeOptions, given: dict[str, Any]) -> int
     written = _write(result, given)
     if given["trace"]:
         _write_trace(graph, result, given["trace"])
-    times["write"] = time.perf_counter() - before
+    times["write"] = time.perf_counter() - before if given["output"] or given["trace"] else 0.0
     topology = analyze(graph)
     worst = _worst(result, given["worst"])
     times["total"] = time.perf_counter() - started
@@ -251,6 +254,11 @@ def _interruptible() -> Iterator[Any]:
 
 def _peak_memory() -> float:
     """Peak memory of this process in MB."""
+    try:  # Linux; getrusage there counts what the parent had before this process began
+        with open("/proc/self/status", encoding="ascii") as stream:
+            return next(float(line.split()[1]) / 1024.0 for line in stream if line.startswith("VmHWM:"))
+    except (OSError, StopIteration):
+        pass
     import resource
 
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
