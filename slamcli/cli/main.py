@@ -22,8 +22,11 @@ def main(arguments: list[str] | None = None) -> int:
         Words behind ``slamcli``; those of the process if None.
     """
     words = sys.argv[1:] if arguments is None else arguments
-    if sys.stdout is None:  # closed by the caller, who wants no output
+    # closed by the caller, who wants no output
+    if sys.stdout is None:
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115
+    if sys.stderr is None:
+        sys.stderr = open(os.devnull, "w")  # noqa: SIM115
     try:
         return _run(words)
     except SlamcliError as error:

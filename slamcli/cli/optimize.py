@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import time
@@ -184,7 +185,15 @@ def _worst(result: Any, count: int) -> list[Any]:
 
 
 def _check_streams(given: dict[str, Any]) -> None:
-    """Standard output carries one thing."""
+    """Standard output carries one thing, and each file, too."""
+    for name in ("output", "trace"):
+        if given[name] in ("/dev/stdout", "/dev/fd/1"):
+            given[name] = "-"
+        if given[name] == "" or (given[name] or "").endswith("/"):
+            raise UsageError(f"--{name} needs the name of a file, got {given[name]!r}")
+    files = [os.path.realpath(given[name]) for name in ("output", "trace") if given[name] not in (None, "-")]
+    if len(files) == 2 and files[0] == files[1]:
+        raise UsageError("--output and --trace name the same file")
     takers = [name for name in ("output", "trace") if given[name] == "-"] + ["json"] * given["json"]
     if len(takers) > 1:
         raise UsageError(
@@ -203,6 +212,8 @@ def _options(values: dict[str, Any]) -> OptimizeOptions:
         if not isinstance(values[name], kind) or isinstance(values[name], bool):
             hint = ("  YAML reads 1e-9 as text: write 1.0e-9",) if isinstance(values[name], str) else ()
             raise UsageError(f"{name} must be a number, got {values[name]!r}", hint)
+        if isinstance(values[name], (int, float)) and not abs(values[name]) < 1e300:
+            raise UsageError(f"{name} must be a finite number")
     fix = values["fix"] if isinstance(values["fix"], (list, tuple)) else [values["fix"]]
     if not all(isinstance(i, int) and not isinstance(i, bool) for i in fix):
         raise UsageError(f"fix must be a list of ids, got {values['fix']!r}")

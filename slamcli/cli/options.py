@@ -97,7 +97,7 @@ def _load_config(path: str, names: tuple[str, ...]) -> dict[str, Any]:
             content = yaml.safe_load(stream)
     except OSError as error:
         raise UsageError(f"{path}: cannot be read: {error.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise UsageError(f"{path}: is not valid YAML", (f"  {error}".replace("\n", "\n  "),)) from None
     if content is None:
         return {}

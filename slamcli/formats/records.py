@@ -187,7 +187,7 @@ class Records:
 def is_id(token: bytes) -> bool:
     """Whether a token is a whole number of at most 64 bits, signed or unsigned."""
     digits = token[1:] if token[:1] in (b"+", b"-") else token
-    return digits.isdigit() and -(2**63) <= int(token) < 2**64
+    return digits.isdigit() and len(digits) <= 40 and -(2**63) <= int(token) < 2**64
 
 
 def _number_hint(text: str) -> str:

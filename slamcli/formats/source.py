@@ -22,6 +22,8 @@ def read_bytes(path: str) -> tuple[bytes, bytes]:
     """
     try:
         if path == "-":
+            if sys.stdin is None:
+                raise InputError("standard input is closed")
             raw = sys.stdin.buffer.read()
         else:
             with open(path, "rb") as stream:
@@ -33,7 +35,7 @@ def read_bytes(path: str) -> tuple[bytes, bytes]:
     data = _decompress(path, raw) if raw.startswith(_GZIP) else raw
     if data.startswith(_UTF16):
         raise InputError(f"{path}: is UTF-16 text, expected ASCII or UTF-8", ("  hint: convert it with iconv",))
-    if b"\0" in data[:65536]:
+    if b"\0" in data:
         raise InputError(f"{path}: is a binary file, expected g2o or TORO text")
     return raw, data
 
@@ -85,8 +87,8 @@ def write_bytes(path: str, data: bytes) -> None:
 
 def _replace(target: str, data: bytes) -> None:
     """Write beside the target and rename; the mode of an existing file is kept."""
-    folder, name = os.path.split(target)
-    temporary = os.path.join(folder, f".{name}.{os.urandom(6).hex()}.tmp")
+    folder = os.path.dirname(target)
+    temporary = os.path.join(folder, f".slamcli-{os.urandom(6).hex()}.tmp")
     mode = os.stat(target).st_mode & 0o7777 if os.path.exists(target) else None
     handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666 if mode is None else 0o600)
     try:

@@ -22,6 +22,7 @@ from slamcli.graph.columns import IndexArray
 from slamcli.models.base import Array
 
 _BLANK, _NEWLINE, _HASH, _COMMA = 32, 10, 35, 44
+_TAB, _RETURN = 9, 13  # white space between them; other control characters are damage and spoil their token
 _CHUNK = 1 << 16  # bytes taken at a time, so that intermediate arrays stay in the cache and are used again
 _TAG_WORDS = 8  # 64 bytes of the first token tell tags apart
 _NUMBER = re.compile(rb"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z")
@@ -213,7 +214,11 @@ class TokenizedText:
             return np.empty(0)
         text = bytearray(len(self.data))
         clean = np.frombuffer(text, dtype=np.uint8)
-        np.maximum(self._buffer, _BLANK, out=clean)  # all control characters are blanks
+        np.maximum(self._buffer, _BLANK, out=clean)
+        if (
+            damaged := np.flatnonzero((self._buffer < _TAB) | ((self._buffer > _RETURN) & (self._buffer < _BLANK)))
+        ).size:
+            clean[damaged] = ord("?")
         clean[self.token_start[1:] - 1] = _COMMA  # before each token; what is no number is blanked with its comma
         clean[: self.line_start[0]] = _BLANK
         token = self.first[lines]
@@ -245,6 +250,11 @@ class TokenizedText:
         return bad
 
 
+def _damaged(buffer: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """Which bytes are control characters other than white space."""
+    return (buffer < _TAB) | ((buffer > _RETURN) & (buffer < _BLANK))
+
+
 def _edges_and_newlines(buffer: NDArray[np.uint8], start: int) -> tuple[IndexArray, IndexArray]:
     """Where tokens start and stop, in turn, and where the line feeds are, from a byte offset on."""
     offset = np.int32 if len(buffer) < 2**31 else np.int64  # half the memory for all files but the largest
@@ -252,7 +262,7 @@ def _edges_and_newlines(buffer: NDArray[np.uint8], start: int) -> tuple[IndexArr
     inside = False
     for begin in range(start, len(buffer), _CHUNK):
         chunk = buffer[begin : begin + _CHUNK]
-        inked = chunk > _BLANK
+        inked = (chunk > _BLANK) | _damaged(chunk)
         if bool(inked[0]) != inside:
             edges.append(np.array([begin], dtype=offset))
         found = np.flatnonzero(inked[1:] != inked[:-1])
@@ -290,8 +300,8 @@ def _has_negative_zero(text: NDArray[np.uint8]) -> bool:
 
 
 def _parse_chunk(text: bytes) -> Array | None:
-    # true, false and null are JSON, too; and JSON's -0 is an integer, which has no sign
-    if not (b"u" in text or b"l" in text or _has_negative_zero(np.frombuffer(text, dtype=np.uint8))):
+    # true, false, null and strings are JSON, too; and JSON's -0 is an integer, which has no sign
+    if not (b"u" in text or b"l" in text or b'"' in text or _has_negative_zero(np.frombuffer(text, dtype=np.uint8))):
         try:
             found = orjson.loads(b"[" + text + b"]")
             return np.fromiter(found, dtype=np.float64, count=len(found))

@@ -62,7 +62,8 @@ def pose_to_euler(values: Array) -> Array:
 
 def _rotated(information: Array, jacobian: Array) -> Array:
     """J^T Omega J, made symmetric to the last bit."""
-    product = jacobian.transpose(0, 2, 1) @ information @ jacobian
+    with np.errstate(all="ignore"):  # what is not finite is refused by the reader and by the writer
+        product = jacobian.transpose(0, 2, 1) @ information @ jacobian
     return 0.5 * (product + product.transpose(0, 2, 1))
 
 

@@ -19,10 +19,10 @@ from slamcli.formats.dialect import Dialect
 from slamcli.formats.recognize import DIALECTS, by_name
 from slamcli.formats.source import write_bytes
 from slamcli.graph import Document, FactorGraph, Factors, Variables
-from slamcli.graph.columns import IdArray, IndexArray
+from slamcli.graph.columns import IdArray, IndexArray, finite_rows
 from slamcli.models.base import Array
 
-_WORD = re.compile(rb"[^\x00-\x20]+")
+_WORD = re.compile(rb"[^\t\n\v\f\r ]+")
 
 
 @dataclass
@@ -145,7 +145,11 @@ def _edge_records(graph: FactorGraph, factors: Factors, dialect: Dialect) -> lis
     ids = factors.variable_ids(graph.variables)
     if factors.parameter_ids is not None:
         ids = np.concatenate([ids, factors.parameter_ids[:, None].astype(ids.dtype)], axis=1)
-    numbers = np.concatenate(record.encode(record.kind, factors.measurements, factors.information), axis=1)
+    with np.errstate(all="ignore"):
+        numbers = np.concatenate(record.encode(record.kind, factors.measurements, factors.information), axis=1)
+    if not np.isfinite(numbers).all():
+        bad = int(np.flatnonzero(~finite_rows(numbers))[0])
+        raise NumericalError(f"{record.tag} {ids[bad].tolist()} is not finite in {dialect.name}: nothing is written")
     return [f"{record.tag} {text}" for text in format_records(ids, numbers)]
 
 

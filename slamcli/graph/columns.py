@@ -163,8 +163,9 @@ class Factors:
 
     def chi2(self, values: Values) -> Array:
         """Weighted squared residual e^T Omega e of each factor, (m,)."""
-        residual = self.residual(values)
-        return np.vecdot(residual, np.matvec(self.information, residual))
+        with np.errstate(all="ignore"):  # a chi2 that is not finite is for the caller to report
+            residual = self.residual(values)
+            return np.vecdot(residual, np.matvec(self.information, residual))
 
     def variable_ids(self, variables: dict[str, Variables]) -> IdArray:
         """Ids of the joined variables, (m, slots)."""

@@ -55,5 +55,6 @@ def indefinite(information: Array) -> NDArray[np.bool_]:
 
 def eigenvalue_range(information: Array) -> tuple[Array, Array]:
     """Smallest and largest eigenvalue of each matrix of the stack (m, d, d)."""
-    eigenvalues = np.linalg.eigvalsh(information)
+    with np.errstate(all="ignore"):
+        eigenvalues = np.linalg.eigvalsh(information)
     return np.asarray(eigenvalues[:, 0], np.float64), np.asarray(eigenvalues[:, -1], np.float64)

@@ -12,11 +12,10 @@ from slamcli.models.information import eigenvalue_range, indefinite
 from slamcli.solver.backends import NotPositiveDefiniteError
 from slamcli.solver.gauge import Held
 from slamcli.solver.linear_system import LinearSystem
-from slamcli.solver.problem import Problem
+from slamcli.solver.problem import SHIFTS, Problem
 
 _SHOWN = 5
 _LEAST_SHARE = 0.005  # of a direction: variables that move less are not named
-_SHIFTS = (1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2, 1.0)  # of the largest diagonal entry of H
 
 
 def edge_name(graph: FactorGraph, factors: Factors, row: int) -> str:
@@ -77,7 +76,8 @@ def not_positive_definite(
         shown = f"{relative:.1e}" if abs(relative) > 1e-15 else "0"
         details.append(f"chi2 does not rise (relative curvature {shown}) along a direction that moves mostly:")
         details += _largest_movers(graph, held, direction)
-    details.append("what helps: --fix ID, a prior, more edges at these variables, or --method lm")
+    other = "" if problem.options.method == "lm" else ", or --method lm"
+    details.append(f"what helps: --fix ID, a prior, more edges at these variables{other}")
     return "the Hessian is not positive definite: the edges do not determine all variables", tuple(details)
 
 
@@ -107,7 +107,7 @@ def _flat_direction(problem: Problem, system: LinearSystem) -> Array | None:
     """Unit vector of the smallest eigenvalue of H, by inverse iteration with the smallest shift that factorizes."""
     largest = float(problem.diagonal(system).max(initial=0.0)) or 1.0
     direction = np.random.default_rng(0).standard_normal(len(system.gradient))
-    for shift in _SHIFTS:
+    for shift in SHIFTS:
         damping = np.full_like(direction, shift * largest)
         try:
             for _ in range(4):

@@ -39,8 +39,10 @@ def initialize(graph: FactorGraph, method: str, held: Held) -> tuple[Values, str
             roots = column.known if method == "file" else column.known & (column.fixed | held[name])
             values[name], placed[name] = _chained(graph, column, roots, chain)
         else:
-            placed[name] = column.known.copy() if method == "file" else np.zeros(len(column), dtype=bool)
-    _place_landmarks(graph, values, placed)
+            placed[name] = column.known if method == "file" else column.known & (column.fixed | held[name])
+            placed[name] = placed[name].copy()
+    while _place_landmarks(graph, values, placed):
+        pass  # points may hang off other points
     _require_all(graph, placed)
     if method != "file":
         return values, "integrated odometry" if chain else "spanning tree"
@@ -145,8 +147,9 @@ def _from_priors(graph: FactorGraph, column: Variables) -> Array:
     return out
 
 
-def _place_landmarks(graph: FactorGraph, values: Values, placed: dict[str, BoolArray]) -> None:
-    """Hang the landmarks that are not placed off the poses that see them, by the first factor that can."""
+def _place_landmarks(graph: FactorGraph, values: Values, placed: dict[str, BoolArray]) -> bool:
+    """Hang landmarks that are not placed off what sees them, by the first factor that can; whether any was placed."""
+    any_placed = False
     for factors in graph.factors:
         last = factors.kind.variables[-1]
         if last.is_pose:
@@ -166,7 +169,8 @@ def _place_landmarks(graph: FactorGraph, values: Values, placed: dict[str, BoolA
             changed = values[last.name].copy()
             changed[rows[use]] = value
             values[last.name] = changed
-            placed[last.name][rows[use]] = True
+            placed[last.name][rows[use]] = any_placed = True
+    return any_placed
 
 
 def _require_all(graph: FactorGraph, placed: dict[str, BoolArray]) -> None:
@@ -179,5 +183,5 @@ def _require_all(graph: FactorGraph, placed: dict[str, BoolArray]) -> None:
             who = "1 landmark has" if lost.sum() == 1 else f"{lost.sum()} landmarks have"
             raise NumericalError(
                 f"{who} no estimate and no edge that determines one: {ids}{more}",
-                ("  bearings alone do not place a point: give vertices for them",),
+                ("  give vertices for them: a bearing, or an edge from them to another point, does not place a point",),
             )

@@ -19,6 +19,7 @@ from slamcli.solver.steps import Step
 
 _INITIAL = 1e-5  # of the largest diagonal entry of H, as in g2o
 _TRIALS = 10
+_LEAST_SCALE = 1e-9  # of the largest diagonal entry: variables that no edge moves are damped, too
 
 
 class LevenbergMarquardt:
@@ -38,7 +39,8 @@ class LevenbergMarquardt:
     def step(self, problem: Problem, now: LinearSystem) -> Step:
         """Try steps with rising damping until one lowers chi2."""
         diagonal = problem.diagonal(now)
-        scale = diagonal if self._scaled else np.ones_like(diagonal)
+        least = _LEAST_SCALE * float(diagonal.max(initial=0.0))
+        scale = np.maximum(diagonal, least) if self._scaled else np.ones_like(diagonal)
         if self._lambda == 0.0:
             self._lambda = _INITIAL if self._scaled else _INITIAL * float(diagonal.max(initial=0.0))
         delta, values, rho, solved, trials = np.zeros_like(diagonal), now.values, -1.0, False, 0

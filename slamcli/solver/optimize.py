@@ -111,7 +111,7 @@ class _Run:
         if not now.is_finite:
             return self._failed(problem, now, initial, diagnosis.not_finite(self.graph, now))
         verdict = termination.at_start(now.gradient_norm)
-        if now.gradient_norm == 0.0 and problem.newton_decrement(now) is None:
+        if now.gradient_norm == 0.0 and problem.full_step(now).singular:
             found = diagnosis.not_positive_definite(self.graph, self.held, problem, now)
             return self._failed(problem, now, initial, found)
         began = time.perf_counter()
@@ -127,9 +127,7 @@ class _Run:
             decrease, now = now.chi2 - step.system.chi2, step.system
             self._record(step, decrease, time.perf_counter() - start)
             seconds = time.perf_counter() - began
-            verdict = termination.after(
-                step, decrease, len(self.trace), seconds, partial(problem.newton_decrement, now)
-            )
+            verdict = termination.after(step, decrease, len(self.trace), seconds, partial(problem.full_step, now))
             if verdict is None and self.interrupted():
                 verdict = Verdict(Status.INTERRUPTED, f"on request, after iteration {len(self.trace)}")
         return self._ended(problem, now.values, initial, now.chi2, verdict, ())

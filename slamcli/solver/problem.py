@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -15,6 +16,28 @@ from slamcli.solver.linear_system import Linearizer, LinearSystem
 from slamcli.solver.options import OptimizeOptions
 from slamcli.solver.stopwatch import Stopwatch
 from slamcli.solver.symbolic import Sparsity
+
+#: Damping that makes a singular H factorize, as shares of its largest diagonal entry.
+SHIFTS = (1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-2, 1.0)
+
+
+@dataclass(frozen=True)
+class FullStep:
+    """The full Gauss-Newton step from a state.
+
+    Attributes
+    ----------
+    decrease
+        Of chi2 that it promises, g^T H^-1 g.
+    largest
+        Its largest component.
+    singular
+        Whether H is singular, so that it had to be damped.
+    """
+
+    decrease: float
+    largest: float
+    singular: bool
 
 
 class Problem:
@@ -81,12 +104,17 @@ class Problem:
         """Decrease of chi2 that the quadratic model predicts for a step: -2 g^T delta - delta^T H delta."""
         return -2.0 * dot(system.gradient, delta) - self.pattern.quadratic_form(system.hessian, delta)
 
-    def newton_decrement(self, system: LinearSystem) -> float | None:
-        """Decrease of chi2 that the full Gauss-Newton step promises, g^T H^-1 g; None where H is singular."""
-        try:
-            return -dot(system.gradient, self.solve(system))
-        except backends.NotPositiveDefiniteError:
-            return None
+    def full_step(self, system: LinearSystem) -> FullStep:
+        """What the full Gauss-Newton step promises; where H is singular, the step with the least damping that works."""
+        largest = float(self.diagonal(system).max(initial=0.0))
+        for shift in (None, *SHIFTS):
+            try:
+                delta = self.solve(system, None if shift is None else np.full_like(system.gradient, shift * largest))
+            except backends.NotPositiveDefiniteError:
+                continue
+            decrease = -dot(system.gradient, delta)
+            return FullStep(decrease, float(np.abs(delta).max(initial=0.0)), singular=shift is not None)
+        return FullStep(np.inf, np.inf, singular=True)
 
     @cached_property
     def sparsity(self) -> Sparsity:

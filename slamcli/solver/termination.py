@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from slamcli.solver.options import OptimizeOptions
+from slamcli.solver.problem import FullStep
 from slamcli.solver.result import Status
 from slamcli.solver.steps import Step
 
@@ -57,16 +58,16 @@ class Termination:
         return None
 
     def after(
-        self, step: Step, decrease: float, iterations: int, seconds: float, model_decrease: Callable[[], float | None]
+        self, step: Step, decrease: float, iterations: int, seconds: float, full_step: Callable[[], FullStep]
     ) -> Verdict | None:
         """Whether a run ends after an iteration that lowered chi2 by ``decrease``.
 
         Damped and cut steps can be short far from any minimum. What they seem to show must be confirmed by
-        ``model_decrease``, the decrease that the full Gauss-Newton step promises from here.
+        what the full Gauss-Newton step promises from here.
         """
         verdict = self._converged(step, decrease)
         if verdict is not None and step.kind != "gauss-newton":
-            verdict = self._confirmed(verdict, step, model_decrease())
+            verdict = self._confirmed(verdict, step, full_step())
         if verdict is not None:
             return verdict
         if step.accepted:
@@ -78,14 +79,14 @@ class Termination:
             return Verdict(Status.NOT_CONVERGED, f"time limit of {options.time_limit:g} s used up")
         return None
 
-    def _confirmed(self, verdict: Verdict, step: Step, promised: float | None) -> Verdict | None:
-        """The verdict on damped steps in the light of what the full step promises (None: H is singular)."""
-        if promised is None:
-            return Verdict(verdict.status, f"{verdict.reason}; H is singular: other minima are as good")
+    def _confirmed(self, verdict: Verdict, step: Step, full: FullStep) -> Verdict | None:
+        """The verdict on damped steps in the light of what the full step promises."""
         chi2 = step.system.chi2
         least = max(_CONFIRM * self._options.tolerance * chi2, _ROUNDING * chi2, _ROUNDING_AT_START * self._initial)
-        if min(promised, chi2) <= least:  # no step gains more than all of chi2
-            return verdict
+        # no step gains more than all of chi2
+        if min(full.decrease, chi2) <= least or full.largest <= _SMALLEST_STEP:
+            more = "; H is singular: other minima are as good" if full.singular else ""
+            return Verdict(verdict.status, verdict.reason + more)
         if step.accepted:
             return None
         return Verdict(Status.NOT_CONVERGED, f"no step lowers chi2 after {step.trials} trials")

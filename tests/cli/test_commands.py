@@ -104,6 +104,10 @@ CASES = (
     Case("optimize {in} --config {config}", 0, out="fixed by the file or by --fix: 1"),
     # optimize: not converged
     Case("optimize {in} --max-iterations 0", 4, out="not converged: no iterations allowed"),
+    Case("optimize {in} -o {out} --trace {out}", 2, err="name the same file"),
+    Case("optimize {in} -o /dev/stdout --json", 2, err="both want standard output"),
+    Case("optimize {in} -o folder/", 2, err="needs the name of a file"),
+    Case("optimize {in} --tolerance inf", 2, err="must be a finite number"),
     Case("optimize {in} --method lm --max-iterations 1 -o {out}", 4, out="not converged: iteration limit 1 reached"),
     Case("optimize {in} --method lm --time-limit 1e-9", 4, out="time limit"),
     # optimize: usage

@@ -168,7 +168,7 @@ def test_a_landmark_that_only_bearings_see_cannot_be_placed(tmp_path: Path) -> N
     result = start(tmp_path, text, "file")
     assert result.status is Status.FAILED
     assert "no edge that determines one: 7" in result.reason
-    assert any("bearings alone" in line for line in result.diagnosis)
+    assert any("a bearing" in line for line in result.diagnosis)
     assert result.iterations == 0 and result.sparsity is None
 
 
@@ -181,3 +181,21 @@ def test_odometry_of_the_bundled_sets_is_their_file(name: str) -> None:
     for kind, values in graph.values.items():
         space = graph.variables[kind].kind.space
         assert_allclose(result.graph.values[kind][:, :space], values[:, :space], atol=1e-3)
+
+
+@pytest.mark.parametrize("method", ["odometry", "spanning-tree"])
+def test_fixed_landmarks_stay(tmp_path: Path, method: str) -> None:
+    text = (
+        "VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 1 0 0\nVERTEX_XY 10 5 5\nFIX 10\nEDGE_SE2 0 1 1 0 0 1 0 0 1 0 1\n"
+        "EDGE_SE2_XY 0 10 2 2 1 0 1\nEDGE_SE2_XY 1 10 1 2 1 0 1\nEDGE_PRIOR_SE2 0 0 0 0 1 0 0 1 0 1\n"
+    )
+    assert start(tmp_path, text, method).graph.values["XY"].tolist() == [[5.0, 5.0]]
+
+
+def test_points_hang_off_points(tmp_path: Path) -> None:
+    text = (
+        "EDGE_POINTXY 11 12 1 0 1 0 1\nEDGE_POINTXY 10 11 0 1 1 0 1\nVERTEX_SE2 0 0 0 0\nEDGE_SE2_XY 0 10 2 2 1 0 1\n"
+    )
+    graph = start(tmp_path, text, "file").graph
+    placed = dict(zip(graph.variables["XY"].ids.tolist(), graph.values["XY"].tolist(), strict=True))
+    assert placed == {10: [2.0, 2.0], 11: [2.0, 3.0], 12: [3.0, 3.0]}

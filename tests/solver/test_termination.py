@@ -1,6 +1,7 @@
 """When a run ends and what it gives as its reason."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import hypothesis.strategies as st
 import numpy as np
@@ -13,6 +14,7 @@ from slamcli.errors import InputError, UsageError
 from slamcli.graph import FactorGraph
 from slamcli.solver.linear_system import LinearSystem
 from slamcli.solver.options import OptimizeOptions
+from slamcli.solver.problem import FullStep
 from slamcli.solver.result import IterationRecord, Result, Status
 from slamcli.solver.steps import Step
 from slamcli.solver.termination import Termination
@@ -149,6 +151,10 @@ def test_options_that_do_not_exist(options: dict[str, object], message: str) -> 
         slamcli.optimize(AT_REST, **options)  # type: ignore[arg-type]
 
 
+def promises(decrease: float) -> Callable[[], FullStep]:
+    return lambda: FullStep(decrease, largest=1.0, singular=False)
+
+
 def step(chi2: float, kind: str = "gauss-newton") -> Step:
     """An accepted step to a chi2, with a gradient and a length that say nothing."""
     system = LinearSystem({}, chi2, np.ones(1), np.ones(1))
@@ -162,7 +168,7 @@ def test_extrapolation_of_a_linear_sequence(ratio: float, gap: float, tolerance:
     chi2 = 1.0 + gap
     for k in range(1, 10**4):
         after = 1.0 + gap * ratio**k
-        verdict = termination.after(step(after), chi2 - after, k, 0.0, lambda: 0.0)
+        verdict = termination.after(step(after), chi2 - after, k, 0.0, promises(0.0))
         chi2 = after
         if verdict is not None:
             break
@@ -173,37 +179,50 @@ def test_extrapolation_of_a_linear_sequence(ratio: float, gap: float, tolerance:
 def test_a_short_damped_step_must_be_confirmed() -> None:
     """The change is below the tolerance, but the full step promises much more: go on."""
     termination = Termination(OptimizeOptions(tolerance=1e-6), 100.0)
-    assert termination.after(step(99.99999, "damped"), 1e-6, 1, 0.0, lambda: 50.0) is None
-    verdict = termination.after(step(99.99999, "damped"), 1e-6, 2, 0.0, lambda: 1e-9)
+    assert termination.after(step(99.99999, "damped"), 1e-6, 1, 0.0, promises(50.0)) is None
+    verdict = termination.after(step(99.99999, "damped"), 1e-6, 2, 0.0, promises(1e-9))
     assert verdict is not None and verdict.status is Status.CONVERGED
 
 
 def test_a_rejected_step_with_much_to_gain_is_no_convergence() -> None:
     system = LinearSystem({}, 100.0, np.ones(1), np.ones(1))
     rejected = Step(system=system, norm=1.0, largest=1.0, damping=1.0, trials=10, accepted=False, kind="damped")
-    verdict = Termination(OptimizeOptions(), 100.0).after(rejected, 0.0, 1, 0.0, lambda: 50.0)
+    verdict = Termination(OptimizeOptions(), 100.0).after(rejected, 0.0, 1, 0.0, promises(50.0))
     assert verdict is not None
     assert (verdict.status, verdict.reason) == (Status.NOT_CONVERGED, "no step lowers chi2 after 10 trials")
-    verdict = Termination(OptimizeOptions(), 100.0).after(rejected, 0.0, 1, 0.0, lambda: 0.0)
+    verdict = Termination(OptimizeOptions(), 100.0).after(rejected, 0.0, 1, 0.0, promises(0.0))
     assert verdict is not None and verdict.status is Status.CONVERGED
 
 
 def test_a_rising_chi2_is_no_convergence_by_extrapolation() -> None:
     termination = Termination(OptimizeOptions(tolerance=1e-9), 100.0)
-    assert termination.after(step(10.0), 90.0, 1, 0.0, lambda: 0.0) is None
-    assert termination.after(step(10.0001), -1e-4, 2, 0.0, lambda: 0.0) is None
+    assert termination.after(step(10.0), 90.0, 1, 0.0, promises(0.0)) is None
+    assert termination.after(step(10.0001), -1e-4, 2, 0.0, promises(0.0)) is None
 
 
 def test_nothing_is_extrapolated_far_from_the_minimum() -> None:
     """Decreases by half, then by a fiftieth of that: a good guess near a minimum, none where chi2 still falls fast."""
     termination = Termination(OptimizeOptions(tolerance=1e-3), 100.0)
-    assert termination.after(step(50.0), 50.0, 1, 0.0, lambda: 0.0) is None
-    assert termination.after(step(49.0), 1.0, 2, 0.0, lambda: 0.0) is None
+    assert termination.after(step(50.0), 50.0, 1, 0.0, promises(0.0)) is None
+    assert termination.after(step(49.0), 1.0, 2, 0.0, promises(0.0)) is None
 
 
 def test_no_promise_counts_where_chi2_is_gone() -> None:
     """A chi2 of rounding cannot fall by more than itself, whatever a nearly singular H promises."""
     system = LinearSystem({}, 1e-31, np.ones(1), np.ones(1))
     rejected = Step(system=system, norm=1.0, largest=1.0, damping=1.0, trials=10, accepted=False, kind="damped")
-    verdict = Termination(OptimizeOptions(), 1.0).after(rejected, 0.0, 1, 0.0, lambda: 1e-15)
+    verdict = Termination(OptimizeOptions(), 1.0).after(rejected, 0.0, 1, 0.0, promises(1e-15))
     assert verdict is not None and verdict.status is Status.CONVERGED
+
+
+def test_a_tiny_full_step_confirms_where_chi2_is_rounding() -> None:
+    rejected = replace(step(1e-24, "damped"), accepted=False)
+    stuck = Termination(OptimizeOptions(), 1e-24).after(rejected, 0.0, 1, 0.0, lambda: FullStep(1e-24, 1e-13, False))
+    assert stuck is not None and stuck.status is Status.CONVERGED
+
+
+def test_a_singular_hessian_confirms_only_with_nothing_left_to_gain() -> None:
+    short = step(18.0, "damped")
+    assert Termination(OptimizeOptions(), 18.0).after(short, 1e-15, 1, 0.0, lambda: FullStep(17.0, 3.0, True)) is None
+    verdict = Termination(OptimizeOptions(), 18.0).after(short, 1e-15, 1, 0.0, lambda: FullStep(1e-12, 3.0, True))
+    assert verdict is not None and "H is singular" in verdict.reason

@@ -41,7 +41,7 @@ def test_three_points_on_a_line() -> None:
     assert_allclose(step[::2], [0.0, -2.0 / 15.0, -4.0 / 15.0], atol=1e-12)
     # chi2 falls by 2/15 * 0.4 * 2 = 0.1067, as the quadratic model says
     assert problem.model_decrease(system, step) == pytest.approx(0.16 - 0.16 / 3.0)
-    assert problem.newton_decrement(system) == pytest.approx(0.16 - 0.16 / 3.0)
+    assert problem.full_step(system).decrease == pytest.approx(0.16 - 0.16 / 3.0)
 
 
 @pytest.mark.parametrize("method", ["gn", "dogleg"])
