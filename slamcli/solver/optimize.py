@@ -120,8 +120,11 @@ class _Run:
             try:
                 step = policy.step(problem, now)
             except NotPositiveDefiniteError:
-                found = diagnosis.not_positive_definite(self.graph, self.held, problem, now)
-                return self._failed(problem, now, initial, found)
+                reason, details = diagnosis.not_positive_definite(self.graph, self.held, problem, now)
+                if now.chi2 > initial:
+                    risen = f"chi2 had risen from {initial:.6g} to {now.chi2:.6g}: the run was diverging"
+                    details = (f"{risen} (try --method lm, or another --init)", *details)
+                return self._failed(problem, now, initial, (reason, details))
             if not step.system.is_finite:
                 return self._failed(problem, now, initial, diagnosis.not_finite(self.graph, step.system))
             decrease, now = now.chi2 - step.system.chi2, step.system

@@ -7,7 +7,12 @@ import pytest
 from support import write_file
 
 import slamcli
+from slamcli.solver import policies
+from slamcli.solver.backends import NotPositiveDefiniteError
+from slamcli.solver.linear_system import LinearSystem
+from slamcli.solver.problem import Problem
 from slamcli.solver.result import Result, Status
+from slamcli.solver.steps import Step
 
 INFO = "1 0 0 1 0 1"
 TWO_POSES = f"VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 1 0 0\nEDGE_SE2 0 1 1 0 0 {INFO}\n"
@@ -100,3 +105,21 @@ def test_edges_of_graphs_without_a_file_are_named_by_their_kind() -> None:
     result = slamcli.optimize(graph)
     assert result.status is Status.FAILED
     assert result.diagnosis[1] == "  point_difference_2d 0 1: eigenvalues from -1 to -1"
+
+
+class Runaway:
+    """Takes one long step in a wrong direction, and then finds H singular."""
+
+    def step(self, problem: Problem, now: LinearSystem) -> Step:
+        if now.chi2 > 1e3:
+            raise NotPositiveDefiniteError
+        system = problem.linearize(problem.retract(now.values, np.full_like(now.gradient, 50.0)))
+        return Step(system, 50.0, 50.0, None, 1, accepted=True, kind="gauss-newton")
+
+
+def test_a_diverging_run_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(policies, "make", lambda options: Runaway())
+    text = "VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 1 0 0\nEDGE_SE2 0 1 1.1 0 0 1 0 0 1 0 1\n"
+    result = slamcli.optimize(slamcli.read(str(write_file(tmp_path, text))))
+    assert result.status is Status.FAILED
+    assert "the run was diverging" in result.diagnosis[0]
