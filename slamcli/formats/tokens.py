@@ -87,17 +87,16 @@ class TokenizedText:
         buffer = np.frombuffer(data, dtype=np.uint8)
         self._buffer = buffer
         text_start = len(_BOM) if data.startswith(_BOM) else 0
-        edges, newlines = _edges_and_newlines(buffer, text_start)
-        self.token_start: IndexArray = edges[0::2]
-        self.token_stop: IndexArray = edges[1::2]
+        self.token_start, self.token_stop, newlines = _tokens_and_newlines(buffer, text_start)
         ends_open = len(data) > text_start and (len(newlines) == 0 or newlines[-1] != len(data) - 1)
         tail = [len(data)] if ends_open else []
         self.line_start: IndexArray = np.concatenate([[text_start], newlines + 1, tail]).astype(np.intp)
-        self.first: IndexArray = np.searchsorted(self.token_start, self.line_start)
+        # (one dtype on both sides, or numpy would copy the tokens)
+        self.first: IndexArray = np.searchsorted(self.token_start, self.line_start.astype(self.token_start.dtype))
         self.counts: IndexArray = np.diff(self.first)
-        hashes = np.flatnonzero(buffer[self.token_start] == _HASH)
         self.has_comment = np.zeros(self.lines, dtype=bool)
-        if len(hashes):
+        if b"#" in data:
+            hashes = np.flatnonzero(buffer[self.token_start] == _HASH)
             line = np.searchsorted(self.first, hashes, side="right") - 1
             np.minimum.at(self.counts, line, hashes - self.first[line])
             self.has_comment[line] = True
@@ -255,24 +254,25 @@ def _damaged(buffer: NDArray[np.uint8]) -> NDArray[np.bool_]:
     return (buffer < _TAB) | ((buffer > _RETURN) & (buffer < _BLANK))
 
 
-def _edges_and_newlines(buffer: NDArray[np.uint8], start: int) -> tuple[IndexArray, IndexArray]:
-    """Where tokens start and stop, in turn, and where the line feeds are, from a byte offset on."""
+def _tokens_and_newlines(buffer: NDArray[np.uint8], start: int) -> tuple[IndexArray, IndexArray, IndexArray]:
+    """Where tokens start and where they stop, and where the line feeds are, from a byte offset on."""
     offset = np.int32 if len(buffer) < 2**31 else np.int64  # half the memory for all files but the largest
-    edges, newlines = [], []
+    none = np.empty(0, dtype=offset)
+    starts, stops, newlines = [none], [none], [none]
     inside = False
     for begin in range(start, len(buffer), _CHUNK):
         chunk = buffer[begin : begin + _CHUNK]
         inked = (chunk > _BLANK) | _damaged(chunk)
         if bool(inked[0]) != inside:
-            edges.append(np.array([begin], dtype=offset))
-        found = np.flatnonzero(inked[1:] != inked[:-1])
-        edges.append((found + (begin + 1)).astype(offset))
-        newlines.append(np.flatnonzero(chunk == _NEWLINE) + begin)
+            (stops if inside else starts).append(np.array([begin], dtype=offset))
+        for which, edge in ((starts, inked[1:] > inked[:-1]), (stops, inked[1:] < inked[:-1])):
+            found = np.flatnonzero(edge)
+            which.append((found + (begin + 1)).astype(offset))
+        newlines.append((np.flatnonzero(chunk == _NEWLINE) + begin).astype(offset))
         inside = bool(inked[-1])
     if inside:
-        edges.append(np.array([len(buffer)], dtype=offset))
-    none = np.empty(0, dtype=offset)
-    return np.concatenate([none, *edges]), np.concatenate([none, *newlines])
+        stops.append(np.array([len(buffer)], dtype=offset))
+    return np.concatenate(starts), np.concatenate(stops), np.concatenate(newlines)
 
 
 def _parse_list(text: bytearray) -> Array | None:
@@ -284,7 +284,7 @@ def _parse_list(text: bytearray) -> Array | None:
     while begin < len(text):
         stop = text.find(b",", begin + _CHUNK)
         stop = len(text) if stop < 0 else stop
-        part = _parse_chunk(bytes(text[begin:stop]))
+        part = _parse_chunk(text[begin:stop])
         if part is None:
             return None
         parts.append(part)
@@ -299,7 +299,7 @@ def _has_negative_zero(text: NDArray[np.uint8]) -> bool:
     return bool((minus & zero & ends[: len(minus)]).any())
 
 
-def _parse_chunk(text: bytes) -> Array | None:
+def _parse_chunk(text: bytearray) -> Array | None:
     # true, false, null and strings are JSON, too; and JSON's -0 is an integer, which has no sign
     if not (b"u" in text or b"l" in text or b'"' in text or _has_negative_zero(np.frombuffer(text, dtype=np.uint8))):
         try:
@@ -310,7 +310,7 @@ def _parse_chunk(text: bytes) -> Array | None:
     with warnings.catch_warnings():
         warnings.simplefilter("error", DeprecationWarning)
         try:
-            numbers = text.replace(b",", b" ")
+            numbers = bytes(text.replace(b",", b" "))
             return np.empty(0) if numbers.isspace() else np.fromstring(numbers, dtype=np.float64, sep=" ")
         except (DeprecationWarning, ValueError):
             return None
