@@ -52,7 +52,7 @@ def keys(document):
             yield from keys(item)
 
 
-@pytest.mark.parametrize("page", [ROOT / "README.md", *PAGES, *ROOT.glob("*/README.md")], ids=str)
+@pytest.mark.parametrize("page", [ROOT / "README.md", *PAGES, *ROOT.glob("[a-z]*/README.md")], ids=str)
 def test_links_lead_somewhere(page):
     targets = re.findall(r"\]\(([^)]+)\)", page.read_text(encoding="utf-8"))
     local = [target for target in targets if not target.startswith(("http:", "https:"))]
