@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from slamcli.cli.options import input_options, json_option, warn
+from slamcli.cli.options import input_options, json_option, warn, worst_option
 
 _EXAMPLES = """\b
 Examples:
@@ -15,13 +15,7 @@ Examples:
 
 @click.command(name="info", epilog=_EXAMPLES)
 @input_options
-@click.option(
-    "--worst",
-    type=click.IntRange(min=0),
-    default=0,
-    metavar="N",
-    help="List the N edges with the largest chi2, with their lines.",
-)
+@worst_option
 @json_option
 def command(input: str, dialect: str | None, lenient: bool, worst: int, json: bool) -> int:
     """Describe the graph INPUT (g2o or TORO, - is standard input).

@@ -20,8 +20,9 @@ from slamcli.cli.options import (
     merge_config,
     use_color,
     warn,
+    worst_option,
 )
-from slamcli.errors import UsageError
+from slamcli.errors import ExitCode, UsageError
 from slamcli.solver.options import INITS, LINEAR_SOLVERS, METHODS, ORDERINGS, SCALINGS, OptimizeOptions
 
 _EXAMPLES = """\b
@@ -82,13 +83,7 @@ is written).
     "--trace", type=FILE, metavar="FILE", help="Write one JSON line for each iteration; - is standard output."
 )
 @click.option("--g2o-log", is_flag=True, help="Print g2o's line for each iteration on standard error.")
-@click.option(
-    "--worst",
-    type=click.IntRange(min=0),
-    default=0,
-    metavar="N",
-    help="List the N edges with the largest chi2, with their lines.",
-)
+@worst_option
 @click.option("-v", "--verbose", is_flag=True, help="Print the iterations also where standard error is no terminal.")
 @click.option("-q", "--quiet", is_flag=True, help="Print neither iterations nor summary; warnings and errors remain.")
 @json_option
@@ -124,7 +119,7 @@ def _optimize(path: str, options: OptimizeOptions, given: dict[str, Any]) -> int
         print(file=sys.stderr)  # between the table and the summary
     times["iterate"] = sum(record.time for record in result.trace)
     times["setup"] = time.perf_counter() - started - times["load"] - times["iterate"]
-    failed = result.status == "numerical_failure"
+    failed = result.exit_code == ExitCode.NUMERICAL_FAILURE
     if failed:
         print(f"error: {result.reason}", *(f"  {line}" for line in result.diagnosis), sep="\n", file=sys.stderr)
     before = time.perf_counter()
@@ -157,7 +152,7 @@ def _write(result: Any, given: dict[str, Any]) -> str:
     output = given["output"]
     if not output:
         return "nothing (-o FILE keeps the optimized graph)"
-    if result.status == "numerical_failure":
+    if result.exit_code == ExitCode.NUMERICAL_FAILURE:
         print(f"  nothing is written to {output}", file=sys.stderr)
         return "nothing"
     losses = write(result.graph, output)

@@ -35,6 +35,17 @@ def json_option(function: F) -> F:
     return click.option("--json", is_flag=True, help="Print one JSON document instead of text.")(function)
 
 
+def worst_option(function: F) -> F:
+    """``--worst``."""
+    return click.option(
+        "--worst",
+        type=click.IntRange(min=0),
+        default=0,
+        metavar="N",
+        help="List the N edges with the largest chi2, with their lines.",
+    )(function)
+
+
 def color_option(function: F) -> F:
     """``--color``."""
     return click.option(

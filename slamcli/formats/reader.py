@@ -307,9 +307,6 @@ class _Reader:
 
     def _document(self, values: dict[str, Array]) -> Document:
         text, records = self.text, self.records
-        names, index = text.tags
-        used = self.dialect.tags | {self.dialect.fix}
-        foreign = np.array([name.decode("utf-8", "replace") not in used for name in names] + [False])
         none = np.empty(0, dtype=np.intp)
         parameter_lines = [records.rows[p.tag].lines for p in self.dialect.parameters if p.tag in records.rows]
         return Document(
@@ -317,7 +314,6 @@ class _Reader:
             data=text.data,
             spans=text.record_spans,
             line_start=text.line_start,
-            kept=np.sort(np.append(np.flatnonzero(foreign[index]), list(records.ignored)).astype(np.intp)) + 1,
             comments=np.flatnonzero(text.counts == 0) + 1,
             parameter_lines=np.sort(np.concatenate([none, *parameter_lines])) + 1,
             fix_lines=records.lines_of(self.dialect.fix) + 1,

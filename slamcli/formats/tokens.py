@@ -2,7 +2,8 @@
 
 A pose-graph file is a few hundred thousand numbers between blanks. Finding lines and tokens is a handful of
 vectorized passes over the bytes; everything that is not a number of a wanted record is then blanked, a comma is put
-before each number, and what has become one JSON list is parsed in one call (orjson; correctly rounded, 40 ns a number).
+before each number, and what has become one JSON list is parsed in large pieces (orjson; correctly rounded, 40 ns a
+number).
 Numbers that JSON does not know (``.5``, ``+1``) send the text through numpy's own parser instead (70 ns).
 """
 
@@ -49,7 +50,7 @@ class Rows:
     counts
         (m,) how many numbers follow the tag.
     offsets
-        (m,) position of the first of them in ``TokenizedText.numbers``.
+        (m,) position of the first of them in the numbers of the text.
     """
 
     lines: IndexArray
@@ -116,11 +117,9 @@ class TokenizedText:
         token = self.first[used]
         key = self._token_hash(token)
         run = np.flatnonzero(np.concatenate([[True], key[1:] != key[:-1]]))
-        unique, where, inverse = np.unique(key[run], return_index=True, return_inverse=True)
+        _, where, inverse = np.unique(key[run], return_index=True, return_inverse=True)
         tag_of_line[used] = np.repeat(inverse, np.diff(np.append(run, len(key))))
-        names = [self.token(int(token[run[k]])) for k in where]
-        assert len(unique) == len(names)
-        return names, tag_of_line
+        return [self.token(int(token[run[k]])) for k in where], tag_of_line
 
     def _token_hash(self, token: IndexArray) -> NDArray[np.uint64]:
         """A 64-bit hash of the first 64 bytes of each of the given tokens, in vectorized multiply-and-add."""
@@ -214,10 +213,7 @@ class TokenizedText:
         text = bytearray(len(self.data))
         clean = np.frombuffer(text, dtype=np.uint8)
         np.maximum(self._buffer, _BLANK, out=clean)
-        if (
-            damaged := np.flatnonzero((self._buffer < _TAB) | ((self._buffer > _RETURN) & (self._buffer < _BLANK)))
-        ).size:
-            clean[damaged] = ord("?")
+        clean[_damaged(self._buffer)] = ord("?")
         clean[self.token_start[1:] - 1] = _COMMA  # before each token; what is no number is blanked with its comma
         clean[: self.line_start[0]] = _BLANK
         token = self.first[lines]

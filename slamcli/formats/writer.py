@@ -10,12 +10,11 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import repeat
 
 import numpy as np
 
 from slamcli.errors import NumericalError
-from slamcli.formats.dialect import Dialect
+from slamcli.formats.dialect import Dialect, VertexTag
 from slamcli.formats.recognize import DIALECTS, by_name
 from slamcli.formats.source import write_bytes
 from slamcli.graph import Document, FactorGraph, Factors, Variables
@@ -89,7 +88,7 @@ def format_records(ids: IdArray, numbers: Array) -> list[str]:
 
 def _refuse_not_finite(graph: FactorGraph) -> None:
     for column in graph.variables.values():
-        bad = column.known & ~np.isfinite(column.values).all(axis=1)
+        bad = column.known & ~finite_rows(column.values)
         if bad.any():
             raise NumericalError(f"vertex {column.ids[bad][0]} is not finite: nothing is written")
 
@@ -108,10 +107,7 @@ def _changed_vertices(graph: FactorGraph, document: Document) -> dict[int, str]:
             if record.kind is column.kind:
                 tags = _original_tags(document, column.lines[rows])
                 mine = rows[[tag == record.tag for tag in tags]]
-                records = format_records(column.ids[mine, None], record.encode(column.values[mine]))
-                out.update(
-                    zip(column.lines[mine].tolist(), map(" ".join, zip(repeat(record.tag), records)), strict=False)
-                )
+                out.update(zip(column.lines[mine].tolist(), _records_of(record, column, mine), strict=True))
     return out
 
 
@@ -130,9 +126,12 @@ def _new_vertices(graph: FactorGraph, dialect: Dialect) -> list[str]:
 
 
 def _vertex_records(column: Variables, rows: IndexArray, dialect: Dialect) -> list[str]:
+    """Records of some variables, none where the dialect has no tag for them."""
     record = dialect.vertex_tag(column.kind)
-    if record is None or len(rows) == 0:
-        return []
+    return [] if record is None else _records_of(record, column, rows)
+
+
+def _records_of(record: VertexTag, column: Variables, rows: IndexArray) -> list[str]:
     return [
         f"{record.tag} {text}" for text in format_records(column.ids[rows, None], record.encode(column.values[rows]))
     ]

@@ -24,10 +24,8 @@ class Document:
         excluded); equal on blank and comment lines. Only the writer asks for them.
     line_start
         Byte offsets of the lines, and the length of the text as a last entry.
-    kept
-        Line numbers (from 1) that hold no record of the graph but are kept for the writer: unknown tags, data.
     comments
-        Line numbers of comments and blank lines.
+        Line numbers (from 1) of comments and blank lines.
     parameter_lines, fix_lines
         Line numbers of parameter records and FIX commands.
     first_edge_line
@@ -40,17 +38,11 @@ class Document:
     data: bytes
     spans: Callable[[], tuple[IndexArray, IndexArray]]
     line_start: IndexArray
-    kept: IndexArray
     comments: IndexArray
     parameter_lines: IndexArray
     fix_lines: IndexArray
     first_edge_line: int
     values: Values = field(default_factory=dict)
-
-    def quote(self, line: int) -> str:
-        """The text of a line (numbered from 1)."""
-        start, stop = self.line_start[line - 1], self.line_start[line]
-        return self.data[start:stop].decode("utf-8", "replace").rstrip("\r\n")
 
     @cached_property
     def record_spans(self) -> tuple[IndexArray, IndexArray]:

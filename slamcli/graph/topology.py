@@ -86,6 +86,22 @@ def connected_components(nodes: int, pairs: IndexArray) -> IndexArray:
     return np.unique(label, return_inverse=True)[1].astype(np.intp)
 
 
+def component_labels(graph: FactorGraph) -> IndexArray:
+    """Component number of each node of a graph."""
+    return connected_components(sum(len(column) for column in graph.variables.values()), node_pairs(graph))
+
+
+def prior_dimensions(graph: FactorGraph, label: IndexArray) -> IndexArray:
+    """By how many residual dimensions priors tie each component to the world."""
+    offsets = node_offsets(graph)
+    total = np.zeros(int(label.max(initial=-1)) + 1, dtype=np.intp)
+    for factors in graph.factors:
+        if len(factors.kind.variables) == 1:
+            rows = label[offsets[factors.kind.variables[0].name] + factors.indices[:, 0]]
+            total += np.bincount(rows, minlength=len(total)) * factors.kind.dimension
+    return total
+
+
 def is_loop_closure(graph: FactorGraph, factors: Factors) -> BoolArray:
     """Which factors are off the odometry chain: relative poses whose ids are not neighbours in the order of ids."""
     if not factors.kind.relative_pose:

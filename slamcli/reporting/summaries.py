@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from slamcli.graph import FactorGraph, ReadingReport, Topology
@@ -29,12 +30,12 @@ def optimize_summary(
     worst: list[WorstEdge],
     time: dict[str, float],
     memory: float,
-    written: str | None,
+    written: str,
     colour: bool,
 ) -> list[str]:
     """What ``slamcli optimize`` prints at the end."""
     held = result.gauge.held
-    ids = ", ".join(str(i) for i in held[:_LISTED]) + (", ..." if len(held) > _LISTED else "")
+    ids = _listed(held)
     status = coloured(result.status.value.replace("_", " "), _STATUS_COLOUR[result.status], colour)
     rows = [
         ("graph", _counts(source, topology.loop_closure_count, topology.component_count)),
@@ -48,14 +49,18 @@ def optimize_summary(
         rows.append(("chi2/dof", f"{result.final_chi2 / result.dof:.6g} ({result.dof} degrees of freedom)"))
     if result.sparsity is not None:
         rows += _sparsity_rows(result.sparsity)
-    if written is not None:
-        rows.append(("written", written))
     rows += [
+        ("written", written),
         ("time", f"{seconds(time['total'])}: {_listed_times(time, ('load', 'setup', 'iterate', 'write'))}"),
         ("phases", _listed_times(result.time, _PHASES)),
         ("memory", f"{memory:.0f} MB at the peak"),
     ]
     return table(rows, "<<") + worst_table(worst)
+
+
+def _listed(items: Sequence[int]) -> str:
+    """The first few of many."""
+    return ", ".join(str(item) for item in items[:_LISTED]) + (", ..." if len(items) > _LISTED else "")
 
 
 def _listed_times(times: dict[str, float], names: tuple[str, ...]) -> str:
@@ -82,9 +87,7 @@ def worst_table(worst: list[WorstEdge]) -> list[str]:
 def info_summary(source: FactorGraph, description: GraphDescription) -> list[str]:
     """What ``slamcli info`` prints."""
     d = description
-    sizes = ", ".join(str(size) for size in d.component_sizes[:_LISTED]) + (
-        ", ..." if len(d.component_sizes) > _LISTED else ""
-    )
+    sizes = _listed(d.component_sizes)
     report = source.report
     rows = [("graph", _counts(source, d.loop_closures, len(d.component_sizes))), *_reading_rows(report)]
     if report is not None:

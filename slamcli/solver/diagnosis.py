@@ -6,7 +6,7 @@ import numpy as np
 
 from slamcli.graph import FactorGraph, Factors
 from slamcli.graph.columns import BoolArray, finite_rows
-from slamcli.graph.topology import connected_components, node_offsets, node_pairs
+from slamcli.graph.topology import component_labels, prior_dimensions
 from slamcli.models.base import Array, norm
 from slamcli.models.information import eigenvalue_range, indefinite
 from slamcli.solver.backends import NotPositiveDefiniteError
@@ -83,22 +83,15 @@ def not_positive_definite(
 
 def _gauge_freedom(graph: FactorGraph, held: Held) -> list[str]:
     """Components that are held by partial priors only."""
-    offsets = node_offsets(graph)
-    nodes = sum(len(column) for column in graph.variables.values())
-    label = connected_components(nodes, node_pairs(graph))
-    count = int(label.max()) + 1
-    anchored = np.zeros(count, dtype=bool)
+    label = component_labels(graph)
+    prior_rows = prior_dimensions(graph, label)
+    anchored = np.zeros(len(prior_rows), dtype=bool)
     anchored[label[np.concatenate([held[name] for name in graph.variables])]] = True
-    prior_rows = np.zeros(count)
-    for factors in graph.factors:
-        if len(factors.kind.variables) == 1:
-            rows = label[offsets[factors.kind.variables[0].name] + factors.indices[:, 0]]
-            prior_rows += np.bincount(rows, minlength=count) * factors.kind.dimension
     needed = 6 if graph.space == 3 else 3
     ids = np.concatenate([column.ids for column in graph.variables.values()])
     return [
         f"gauge freedom: the component of {ids[label == k][0]} ({np.count_nonzero(label == k)} variables) is tied to "
-        f"the world by {int(prior_rows[k])} prior dimensions, fewer than {needed}, and nothing in it is held"
+        f"the world by {prior_rows[k]} prior dimensions, fewer than {needed}, and nothing in it is held"
         for k in np.flatnonzero(~anchored & (prior_rows < needed))[:_SHOWN]
     ]
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from slamcli.graph import FactorGraph
 from slamcli.graph.columns import BoolArray, IndexArray
-from slamcli.graph.topology import connected_components, node_offsets, node_pairs
+from slamcli.graph.topology import component_labels, node_offsets, prior_dimensions
 
 #: Which variables of each kind are held.
 Held = dict[str, BoolArray]
@@ -36,16 +36,12 @@ def choose(graph: FactorGraph) -> tuple[Gauge, Held]:
     Poses come before points: a component of points only holds its lowest point.
     """
     offsets = node_offsets(graph)
-    nodes = sum(len(column) for column in graph.variables.values())
-    label = connected_components(nodes, node_pairs(graph))
-    count = int(label.max()) + 1 if nodes else 0
+    label = component_labels(graph)
+    with_prior = prior_dimensions(graph, label) > 0
+    count = len(with_prior)
     fixed = np.concatenate([column.fixed for column in graph.variables.values()])
     constrained = np.zeros(count, dtype=bool)
     constrained[label[fixed]] = True
-    with_prior = np.zeros(count, dtype=bool)
-    for factors in graph.factors:
-        if len(factors.kind.variables) == 1:
-            with_prior[label[offsets[factors.kind.variables[0].name] + factors.indices[:, 0]]] = True
     free = ~(constrained | with_prior)
     chosen = _lowest_of_each(graph, label)[free]
     held_nodes = fixed.copy()

@@ -95,7 +95,7 @@ class Linearizer:
 
     def chi2(self, values: Values) -> float:
         """chi2 at a state, without the derivatives."""
-        with self.stopwatch.phase("linearize"), np.errstate(all="ignore"):
+        with self.stopwatch.phase("linearize"):
             return self.graph.chi2(values)
 
     def retract(self, values: Values, delta: Array) -> Values:
@@ -150,18 +150,16 @@ class _Batch:
 class _Workspace:
     """Buffers that all batches of one column of factors share."""
 
-    def __init__(self, factors: Factors, targets: list[IndexArray], size: int) -> None:
-        width = 1 + sum(kind.dimension for kind in factors.kind.variables)
-        shape = (size, factors.kind.dimension, width)
+    def __init__(self, shape: tuple[int, int, int], targets: list[IndexArray]) -> None:
         self.augmented, self.weighted = np.zeros(shape), np.empty(shape)
-        self.products = [np.empty(size * slot.shape[1] * slot.shape[2]) for slot in targets]
+        self.products = [np.empty(shape[0] * slot.shape[1] * slot.shape[2]) for slot in targets]
 
 
 def _batches(factors: Factors, targets: list[IndexArray]) -> Iterator[_Batch]:
     """Cut a column of factors into batches."""
     width = 1 + sum(kind.dimension for kind in factors.kind.variables)
     size = min(len(factors), max(256, _BATCH_NUMBERS // (factors.kind.dimension * width)))
-    workspace = _Workspace(factors, targets, size)
+    workspace = _Workspace((size, factors.kind.dimension, width), targets)
     for start in range(0, len(factors), size):
         rows = slice(start, start + size)
         yield _Batch(factors.part(rows), [slot[rows] for slot in targets], workspace)
