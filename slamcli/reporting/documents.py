@@ -29,7 +29,7 @@ def optimize_document(
 ) -> dict[str, Any]:
     """The document of ``slamcli optimize --json``."""
     return {
-        **_head("optimize"),
+        **head("optimize"),
         "input": _input(source, topology.loop_closure_count, topology.component_count),
         "options": asdict(result.options),
         "gauge": asdict(result.gauge),
@@ -54,7 +54,7 @@ def optimize_document(
 def info_document(source: FactorGraph, description: GraphDescription, worst: list[WorstEdge]) -> dict[str, Any]:
     """The document of ``slamcli info --json``."""
     return {
-        **_head("info"),
+        **head("info"),
         "input": _input(source, description.loop_closures, len(description.component_sizes)),
         **{key: value for key, value in asdict(description).items() if key != "loop_closures"},
         "worst": [asdict(edge) for edge in worst],
@@ -65,7 +65,7 @@ def trace_events(source: FactorGraph, options: OptimizeOptions, result: Result) 
     """The JSON Lines of ``slamcli optimize --trace``: start, iterations, end."""
     path = source.report.path if source.report else None
     start = {"event": "start", "input": path, "options": asdict(options), "chi2": result.initial_chi2}
-    yield {**_head("optimize"), **start}
+    yield {**head("optimize"), **start}
     for record in result.trace:
         yield {"event": "iteration", **asdict(record)}
     yield {
@@ -82,7 +82,8 @@ def dumps(document: dict[str, Any], indent: int | None = 2) -> str:
     return json.dumps(_finite(document), indent=indent, allow_nan=False, default=_plain)
 
 
-def _head(command: str) -> dict[str, Any]:
+def head(command: str) -> dict[str, Any]:
+    """The keys that every document begins with."""
     return {"schema_version": SCHEMA_VERSION, "command": command, "version": __version__}
 
 

@@ -147,6 +147,11 @@ CASES = (
     Case("optimize {in} --method lm", 0, out="converged", content=SINGULAR),
     Case("optimize {in} -o {out}", 5, err=("EDGE_SE2 0 2 (line 6)", "nothing is written to {out}"), content=INDEFINITE),
     Case("optimize {in}", 5, err="no edge that determines one: 77", content=SINGULAR.replace("VERTEX_XY 77 5 5\n", "")),
+    # evaluate
+    # inject
+    # plot
+    # predict
+    # simulate
 )
 
 
