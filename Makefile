@@ -40,8 +40,11 @@ bench: $(VENV)/.stamp-peers ## compare speed and results with other solvers
 docs: $(VENV)/.stamp-dev ## regenerate docs/cli.md
 	$(BIN)/python docs/generate_cli.py
 
-datasets: $(VENV)/.stamp-run ## regenerate the bundled data sets
-	$(BIN)/python datasets/generate.py
+datasets: $(VENV)/.stamp-run ## regenerate the bundled data sets from configs/datasets
+	@for file in manhattan_small.g2o sphere_small.g2o landmarks_small.g2o square_toro.graph; do \
+	  name=$${file%.*}; \
+	  $(BIN)/slamcli simulate configs/datasets/$$name.yaml --quiet -o datasets/$$file --truth datasets/truth/$$name.g2o || exit; \
+	done
 
 clean: ## remove the environment, build results and caches
 	rm -rf $(VENV) build dist .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis

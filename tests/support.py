@@ -38,7 +38,16 @@ VECTOR_EDGES = {
     "EDGE_POINTXYZ 30 31 0.4 0.1 -0.1 10 0 0 11 0 12": 0.330000,
     "EDGE_POINTXYZ_PRIOR 30 1.1 1.9 5.2 10 0 0 11 0 12": 0.690000,
 }
-vectors = VECTOR_VARIABLES + "".join(f"{edge}\n" for edge in VECTOR_EDGES)
+# The same of tags that g2o does not know. The point 10 is at (1.9, 1.3) from pose 0, which looks along 0.3: its range
+# is sqrt(5.3) = 2.302173, its bearing atan2(1.3, 1.9) - 0.3 = 0.300050, and the residual (0.097827, 0.099950).
+SENSOR_EDGES = {
+    "EDGE_SE2_RB 0 10 2.4 0.4 10 1 100": 1.114253,
+    "EDGE_BEARING_SE2_RB 0 10 2.4 0.4 10 0 100": 1.094697,
+    "LANDMARK2:RB 0 10 2.4 0.4 10 0 0": 0.095701,
+    "EDGE_RANGE_SE2_XY 0 10 2.4 10": 0.095701,
+}
+EDGES = VECTOR_EDGES | SENSOR_EDGES
+vectors = VECTOR_VARIABLES + "".join(f"{edge}\n" for edge in EDGES)
 
 
 def dataset(relative_path: str) -> Path:

@@ -9,7 +9,7 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "convert": ("slamcli.cli.convert", "Convert a graph between g2o and TORO."),
     "evaluate": ("slamcli.cli.evaluate", "Compare estimates with the truth: ATE, RPE, drift, landmarks."),
     "info": ("slamcli.cli.info", "Describe a graph: counts, connectivity, chi2, information."),
-    "inject": ("slamcli.cli.inject", "Spoil a graph on purpose: false closures, bad odometry, a worse guess."),
+    "inject": ("slamcli.cli.inject", "Spoil a graph on purpose: false closures, bad odometry."),
     "optimize": ("slamcli.cli.optimize", "Optimize a pose graph and report every iteration."),
     "plot": ("slamcli.cli.plot", "Draw graphs, trajectories, iterations and errors."),
     "predict": ("slamcli.cli.predict", "Print what a sensor should read, the innovation and the Jacobians."),

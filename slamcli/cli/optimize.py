@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
 import time
@@ -14,6 +13,7 @@ import click
 
 from slamcli.cli.options import (
     FILE,
+    check_outputs,
     color_option,
     input_options,
     json_option,
@@ -22,6 +22,7 @@ from slamcli.cli.options import (
     warn,
     worst_option,
 )
+from slamcli.cli.process import peak_memory
 from slamcli.errors import ExitCode, UsageError
 from slamcli.solver.options import INITS, LINEAR_SOLVERS, METHODS, ORDERINGS, SCALINGS, OptimizeOptions
 
@@ -95,7 +96,7 @@ def command(context: click.Context, /, input: str, **given: Any) -> int:
     Minimizes chi2, the sum of e^T Omega e over all edges in g2o's definitions (no factor of one half). The summary
     goes to standard output (to standard error where that carries a graph), iterations and warnings to standard error.
     """
-    _check_streams(given)
+    check_outputs(given, ("output", "trace"), json=given["json"])
     given = merge_config(context, given["config"], given, OptimizeOptions.names())
     options = _options({name: given[name] for name in OptimizeOptions.names()})
     return _optimize(input, options, given)
@@ -130,7 +131,7 @@ def _optimize(path: str, options: OptimizeOptions, given: dict[str, Any]) -> int
     topology = analyze(graph)
     worst = _worst(result, given["worst"])
     times["total"] = time.perf_counter() - started
-    memory = _peak_memory()
+    memory = peak_memory()
     if given["json"]:
         from slamcli.reporting import documents
 
@@ -177,23 +178,6 @@ def _worst(result: Any, count: int) -> list[Any]:
     from slamcli.graph.describe import worst_edges
 
     return worst_edges(result.graph, count)
-
-
-def _check_streams(given: dict[str, Any]) -> None:
-    """Standard output carries one thing, and each file, too."""
-    for name in ("output", "trace"):
-        if given[name] in ("/dev/stdout", "/dev/fd/1"):
-            given[name] = "-"
-        if given[name] == "" or (given[name] or "").endswith("/"):
-            raise UsageError(f"--{name} needs the name of a file, got {given[name]!r}")
-    files = [os.path.realpath(given[name]) for name in ("output", "trace") if given[name] not in (None, "-")]
-    if len(files) == 2 and files[0] == files[1]:
-        raise UsageError("--output and --trace name the same file")
-    takers = [name for name in ("output", "trace") if given[name] == "-"] + ["json"] * given["json"]
-    if len(takers) > 1:
-        raise UsageError(
-            f"--{takers[0]} and --{takers[1]} both want standard output", ("  write one of them to a file",)
-        )
 
 
 def _options(values: dict[str, Any]) -> OptimizeOptions:
@@ -256,16 +240,3 @@ def _interruptible() -> Iterator[Any]:
         yield lambda: asked
     finally:
         signal.signal(signal.SIGINT, previous)
-
-
-def _peak_memory() -> float:
-    """Peak memory of this process in MB."""
-    try:  # Linux; getrusage there counts what the parent had before this process began
-        with open("/proc/self/status", encoding="ascii") as stream:
-            return next(float(line.split()[1]) / 1024.0 for line in stream if line.startswith("VmHWM:"))
-    except (OSError, StopIteration):
-        pass
-    import resource
-
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / (1024.0 * 1024.0) if sys.platform == "darwin" else peak / 1024.0

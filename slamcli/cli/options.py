@@ -64,6 +64,31 @@ def use_color(choice: str, stream: Any) -> bool:
     return choice == "always"
 
 
+def check_outputs(given: dict[str, Any], names: tuple[str, ...], *, json: bool) -> None:
+    """Standard output carries one thing, and each output file, too. ``/dev/stdout`` becomes ``-``.
+
+    Raises
+    ------
+    UsageError
+        If two outputs want one place, or one has no name.
+    """
+    seen: dict[str, str] = {}
+    for name in names:
+        if given[name] in ("/dev/stdout", "/dev/fd/1"):
+            given[name] = "-"
+        if given[name] == "" or (given[name] or "").endswith("/"):
+            raise UsageError(f"--{name} needs the name of a file, got {given[name]!r}")
+        if given[name] not in (None, "-"):
+            other = seen.setdefault(os.path.realpath(given[name]), name)
+            if other != name:
+                raise UsageError(f"--{other} and --{name} name the same file")
+    takers = [name for name in names if given[name] == "-"] + ["json"] * json
+    if len(takers) > 1:
+        raise UsageError(
+            f"--{takers[0]} and --{takers[1]} both want standard output", ("  write one of them to a file",)
+        )
+
+
 def warn(lines: list[str]) -> None:
     """Print warnings on standard error."""
     for line in lines:

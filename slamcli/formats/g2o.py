@@ -2,6 +2,9 @@
 
 Information matrices are upper triangles, row by row, in the order of the residual; translation before rotation;
 quaternions are Hamilton, x y z w, and are normalized on reading (vertices, measurements and parameters).
+
+Not of g2o itself, but of files in its notation: SLAM++'s EDGE_SE2_RB with its two synonyms, and EDGE_RANGE_SE2_XY,
+whose files often leave the information out.
 """
 
 from __future__ import annotations
@@ -21,6 +24,10 @@ G2O = Dialect(
         EdgeTag("EDGE_SE2", models.RELATIVE_POSE_2D, 3),
         EdgeTag("EDGE_SE2_XY", models.POINT_OBSERVATION_2D, 2),
         EdgeTag("EDGE_BEARING_SE2_XY", models.BEARING_2D, 1),
+        EdgeTag("EDGE_SE2_RB", models.RANGE_BEARING_2D, 2),
+        EdgeTag("EDGE_BEARING_SE2_RB", models.RANGE_BEARING_2D, 2),
+        EdgeTag("LANDMARK2:RB", models.RANGE_BEARING_2D, 2),
+        EdgeTag("EDGE_RANGE_SE2_XY", models.RANGE_2D, 1, optional_information=True),
         EdgeTag("EDGE_PRIOR_SE2", models.POSE_PRIOR_2D, 3),
         EdgeTag("EDGE_PRIOR_SE2_XY", models.POSITION_PRIOR_2D, 2),
         EdgeTag("EDGE_PRIOR_XY", models.POINT_PRIOR_2D, 2),

@@ -46,9 +46,14 @@ def read(path: str, *, dialect: str | None = None, lenient: bool = False) -> Fac
         If the file cannot be read or is not a graph; ``ParseError`` with a diagnostic for each malformed record.
     """
     raw, data = source.read_bytes(str(path))
+    return parse(str(path), raw, data, dialect=dialect, lenient=lenient)
+
+
+def parse(path: str, raw: bytes, data: bytes, *, dialect: str | None = None, lenient: bool = False) -> FactorGraph:
+    """The graph of a file whose bytes, as they are and decompressed, were read already (see ``read``)."""
     text = TokenizedText(data)
-    chosen = by_name(dialect) if dialect else recognize(str(path), _tags_in_order(text))
-    return _Reader(raw, Records(str(path), text, chosen, lenient)).graph()
+    chosen = by_name(dialect) if dialect else recognize(path, _tags_in_order(text))
+    return _Reader(raw, Records(path, text, chosen, lenient)).graph()
 
 
 def _tags_in_order(text: TokenizedText) -> list[str]:
@@ -89,7 +94,7 @@ class _Reader:
             skipped = [line for defect in self.records.defects[:SHOWN] for line in defect.lines()]
             message = f"{self.records.path}: holds no vertex and no edge that slamcli can use"
             raise InputError(message, tuple(skipped))
-        document = self._document({name: column.values for name, column in variables.items()})
+        document = self._document({name: column.values for name, column in variables.items()}, factors)
         return FactorGraph(variables, factors, parameters, document, self._report(variables, factors, created))
 
     # -- variables -----------------------------------------------------------------------------------------------
@@ -305,7 +310,7 @@ class _Reader:
 
     # -- what else the file holds ---------------------------------------------------------------------------------
 
-    def _document(self, values: dict[str, Array]) -> Document:
+    def _document(self, values: dict[str, Array], factors: list[Factors]) -> Document:
         text, records = self.text, self.records
         none = np.empty(0, dtype=np.intp)
         parameter_lines = [records.rows[p.tag].lines for p in self.dialect.parameters if p.tag in records.rows]
@@ -319,6 +324,7 @@ class _Reader:
             fix_lines=records.lines_of(self.dialect.fix) + 1,
             first_edge_line=1 + min((int(records.rows[e.tag].lines[0]) for e in self.edges), default=text.lines),
             values=values,
+            factors=tuple(factors),
         )
 
     def _report(

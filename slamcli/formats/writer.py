@@ -14,11 +14,11 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from slamcli.errors import NumericalError
-from slamcli.formats.dialect import Dialect, VertexTag
+from slamcli.formats.dialect import Dialect, EdgeTag, VertexTag
 from slamcli.formats.recognize import DIALECTS, by_name
 from slamcli.formats.source import write_bytes
 from slamcli.graph import Document, FactorGraph, Factors, Variables
-from slamcli.graph.columns import IdArray, IndexArray, finite_rows
+from slamcli.graph.columns import BoolArray, IdArray, IndexArray, finite_rows
 from slamcli.models.base import Array
 
 _WORD = re.compile(rb"[^\t\n\v\f\r ]+")
@@ -40,7 +40,7 @@ class Rendered:
     losses: list[str] = field(default_factory=list)
 
 
-def write(graph: FactorGraph, path: str, *, dialect: str | None = None) -> list[str]:
+def write(graph: FactorGraph, path: str, *, dialect: str | None = None, comments: Sequence[str] = ()) -> list[str]:
     """Write a graph to a file (atomically) or to standard output (``-``).
 
     Parameters
@@ -51,28 +51,28 @@ def write(graph: FactorGraph, path: str, *, dialect: str | None = None) -> list[
         Where to; ``.gz`` compresses.
     dialect
         ``"g2o"`` or ``"toro"``; the dialect that it was read from, or g2o, if not given.
+    comments
+        Lines in front of a graph made in memory.
 
     Returns
     -------
     list of str
         What the dialect could not express.
     """
-    rendered = render(graph, dialect)
+    rendered = render(graph, dialect, comments)
     write_bytes(str(path), rendered.data)
     return rendered.losses
 
 
-def render(graph: FactorGraph, dialect: str | None = None) -> Rendered:
+def render(graph: FactorGraph, dialect: str | None = None, comments: Sequence[str] = ()) -> Rendered:
     """The text of a graph in a dialect (see ``write``)."""
     own = DIALECTS[graph.report.format] if graph.report is not None else None
     target = by_name(dialect) if dialect else own or DIALECTS["g2o"]
     _refuse_not_finite(graph)
     if graph.document is None:
-        return _fresh(graph, target)
+        return _fresh(graph, target, comments)
     if target is own:
-        return Rendered(
-            _spliced(graph.document, _changed_vertices(graph, graph.document), _new_vertices(graph, target))
-        )
+        return _edited(graph, graph.document, target)
     return _translated(graph, graph.document, target)
 
 
@@ -99,10 +99,11 @@ def _changed_vertices(graph: FactorGraph, document: Document) -> dict[int, str]:
     assert graph.report is not None
     dialect = DIALECTS[graph.report.format]
     for name, column in graph.variables.items():
-        before = document.values[name]
-        if column.values is before:
+        before = document.values.get(name)
+        if before is None or column.values is before:
             continue
-        rows = np.flatnonzero((column.values != before).any(axis=1) & (column.lines > 0))
+        known = slice(0, len(before))  # variables that a command added stand behind those of the source
+        rows = np.flatnonzero((column.values[known] != before).any(axis=1) & (column.lines[known] > 0))
         for record in dialect.vertices:
             if record.kind is column.kind:
                 tags = _original_tags(document, column.lines[rows])
@@ -137,8 +138,67 @@ def _records_of(record: VertexTag, column: Variables, rows: IndexArray) -> list[
     ]
 
 
+def _changed_edges(
+    graph: FactorGraph, document: Document, dialect: Dialect
+) -> tuple[dict[int, str], IndexArray, list[str]]:
+    """New text of the edge records that have changed, by line; the lines that are gone; the records to append.
+
+    Columns that the reader made and nobody replaced cost nothing.
+    """
+    before = {factors.tag: factors for factors in document.factors}
+    kept = {factors.tag: np.zeros(len(factors), dtype=bool) for factors in document.factors}
+    changed: dict[int, str] = {}
+    added: list[str] = []
+    for factors in graph.factors:
+        original = before.get(factors.tag)
+        if factors is original:
+            kept[factors.tag][:] = True
+            continue
+        rows = _rows_with_line(factors)
+        added += _new_edges(graph, factors, dialect)
+        if original is None or len(rows) == 0:
+            continue
+        source = np.minimum(np.searchsorted(original.lines, factors.lines[rows]), len(original) - 1)
+        if not np.array_equal(original.lines[source], factors.lines[rows]) or len(np.unique(source)) < len(source):
+            raise ValueError(f"the lines of the {factors.tag} edges are not those of the source, once each")
+        kept[factors.tag][source] = True
+        rows = rows[_differ(factors, rows, original, source)]
+        changed.update(
+            zip(factors.lines[rows].tolist(), _edge_records(graph, factors.part(rows), dialect), strict=True)
+        )
+    gone = [factors.lines[~kept[factors.tag]] for factors in document.factors]
+    return changed, np.concatenate([np.empty(0, dtype=np.intp), *gone]), added
+
+
+def _differ(factors: Factors, rows: IndexArray, original: Factors, source: IndexArray) -> BoolArray:
+    """Which of some factors say something else than the ones that they come from."""
+    out = np.zeros(len(rows), dtype=bool)
+    for name in ("indices", "measurements", "information", "parameter_ids"):
+        now, then = getattr(factors, name), getattr(original, name)
+        if now is not then:
+            out |= (now[rows] != then[source]).reshape(len(rows), -1).any(axis=1)
+    return out
+
+
+def _rows_with_line(factors: Factors) -> IndexArray:
+    """Factors that have a record in the source; columns made in memory may have no line numbers at all."""
+    return np.flatnonzero(factors.lines > 0)
+
+
+def _new_edges(graph: FactorGraph, factors: Factors, dialect: Dialect) -> list[str]:
+    """Records of the factors that have no line in the source."""
+    rows = np.setdiff1d(np.arange(len(factors)), _rows_with_line(factors), assume_unique=True)
+    return _edge_records(graph, factors.part(rows), dialect) if len(rows) else []
+
+
+def _record_tag(factors: Factors, dialect: Dialect) -> EdgeTag | None:
+    """The tag that writes some factors: their own where the dialect has it."""
+    own = (record for record in dialect.edges if record.tag == factors.tag and record.kind is factors.kind)
+    return next(own, dialect.edge_tag(factors.kind))
+
+
 def _edge_records(graph: FactorGraph, factors: Factors, dialect: Dialect) -> list[str]:
-    record = dialect.edge_tag(factors.kind)
+    record = _record_tag(factors, dialect)
     if record is None:
         return []
     ids = factors.variable_ids(graph.variables)
@@ -167,11 +227,7 @@ def _losses(graph: FactorGraph, dialect: Dialect) -> list[str]:
         for column in graph.variables.values()
         if dialect.vertex_tag(column.kind) is None
     ]
-    out += [
-        f"{len(factors)} {factors.tag or factors.kind.name} edges: {dialect.name} has no such edge"
-        for factors in graph.factors
-        if dialect.edge_tag(factors.kind) is None
-    ]
+    out += _edge_losses(graph, dialect)
     if graph.parameters and not dialect.parameters:
         out.append(f"{len(graph.parameters)} parameters: {dialect.name} has none")
     fixed = sum(int(np.count_nonzero(column.fixed)) for column in graph.variables.values())
@@ -184,21 +240,38 @@ def _losses(graph: FactorGraph, dialect: Dialect) -> list[str]:
     return out
 
 
+def _edge_losses(graph: FactorGraph, dialect: Dialect) -> list[str]:
+    """Edges that a dialect has no tag for."""
+    return [
+        f"{len(factors)} {factors.tag or factors.kind.name} edges: {dialect.name} has no such edge"
+        for factors in graph.factors
+        if dialect.edge_tag(factors.kind) is None
+    ]
+
+
 def _fix_records(graph: FactorGraph, dialect: Dialect) -> list[str]:
     if dialect.fix is None:
         return []
     return [f"{dialect.fix} {i}" for column in graph.variables.values() for i in column.ids[column.fixed].tolist()]
 
 
-def _fresh(graph: FactorGraph, dialect: Dialect) -> Rendered:
-    """A text from nothing: parameters, vertices, FIX, edges."""
-    records = _parameter_records(graph, dialect)
+def _fresh(graph: FactorGraph, dialect: Dialect, comments: Sequence[str]) -> Rendered:
+    """A text from nothing: comments, parameters, vertices, FIX, edges."""
+    records = [f"# {comment}" for comment in comments] + _parameter_records(graph, dialect)
     for column in graph.variables.values():
         records += _vertex_records(column, np.flatnonzero(column.known), dialect)
     records += _fix_records(graph, dialect)
     for factors in graph.factors:
         records += _edge_records(graph, factors, dialect)
     return Rendered("".join(f"{record}\n" for record in records).encode(), _losses(graph, dialect))
+
+
+def _edited(graph: FactorGraph, document: Document, dialect: Dialect) -> Rendered:
+    """The source's text with the records that have changed, without those that are gone, with new ones."""
+    changed = _changed_vertices(graph, document)
+    edges, gone, added = _changed_edges(graph, document, dialect)
+    text = _spliced(document, changed | edges, _new_vertices(graph, dialect), gone.tolist(), added)
+    return Rendered(text, _edge_losses(graph, dialect))
 
 
 def _translated(graph: FactorGraph, document: Document, dialect: Dialect) -> Rendered:
@@ -208,20 +281,28 @@ def _translated(graph: FactorGraph, document: Document, dialect: Dialect) -> Ren
         rows = np.flatnonzero(column.known & (column.lines > 0))
         new.update(zip(column.lines[rows].tolist(), _vertex_records(column, rows, dialect), strict=False))
     for factors in graph.factors:
-        new.update(zip(factors.lines.tolist(), _edge_records(graph, factors, dialect), strict=False))
+        rows = _rows_with_line(factors)
+        new.update(zip(factors.lines[rows].tolist(), _edge_records(graph, factors.part(rows), dialect), strict=False))
     if dialect.parameters:
         parameters = zip(document.parameter_lines.tolist(), _parameter_records(graph, dialect), strict=False)
         new.update(parameters)
     kept = set(document.comments.tolist())
     gone = [line for line in range(1, len(document.line_start)) if line not in new and line not in kept]
     inserted = _new_vertices(graph, dialect) + (_fix_records(graph, dialect) if len(document.fix_lines) else [])
-    return Rendered(_spliced(document, new, inserted, gone), _losses(graph, dialect))
+    added = [record for factors in graph.factors for record in _new_edges(graph, factors, dialect)]
+    return Rendered(_spliced(document, new, inserted, gone, added), _losses(graph, dialect))
 
 
-def _spliced(document: Document, new: dict[int, str], inserted: list[str], gone: Sequence[int] = ()) -> bytes:
-    """The source's text with some records replaced, some lines removed, and records inserted before the first edge."""
-    if not new and not inserted and not gone:
+def _spliced(
+    document: Document, new: dict[int, str], inserted: list[str], gone: Sequence[int], added: list[str]
+) -> bytes:
+    """The source's text with some records replaced and some lines removed.
+
+    ``inserted`` records come before the first edge, ``added`` ones at the end.
+    """
+    if not (new or inserted or gone or added):
         return document.data
+    end = b"\r\n" if b"\r\n" in document.data[:4096] else b"\n"
     edits = [
         (int(document.record_spans[0][k - 1]), int(document.record_spans[1][k - 1]), text.encode())
         for k, text in new.items()
@@ -229,7 +310,6 @@ def _spliced(document: Document, new: dict[int, str], inserted: list[str], gone:
     edits += [(int(document.line_start[k - 1]), int(document.line_start[k]), b"") for k in gone]
     if inserted:
         at = int(document.line_start[document.first_edge_line - 1])
-        end = b"\r\n" if b"\r\n" in document.data[:4096] else b"\n"
         start = end if at == len(document.data) and at > 0 and not document.data.endswith(b"\n") else b""
         edits.append((at, at, start + b"".join(text.encode() + end for text in inserted)))
     pieces: list[bytes] = []
@@ -238,4 +318,8 @@ def _spliced(document: Document, new: dict[int, str], inserted: list[str], gone:
         pieces += (document.data[position:begin], text)
         position = stop
     pieces.append(document.data[position:])
+    if added:
+        last = next((piece for piece in reversed(pieces) if piece), end)
+        pieces.append(b"" if last.endswith(b"\n") else end)
+        pieces += (text.encode() + end for text in added)
     return b"".join(pieces)

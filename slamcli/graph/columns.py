@@ -135,8 +135,8 @@ class Factors:
     def __len__(self) -> int:
         return len(self.indices)
 
-    def part(self, rows: slice) -> Factors:
-        """Some of the factors; their arrays are views."""
+    def part(self, rows: slice | IndexArray) -> Factors:
+        """Some of the factors; the arrays of a slice are views."""
         return replace(
             self,
             indices=self.indices[rows],
@@ -144,7 +144,7 @@ class Factors:
             information=self.information[rows],
             parameters=None if self.parameters is None else self.parameters[rows],
             parameter_ids=None if self.parameter_ids is None else self.parameter_ids[rows],
-            lines=self.lines[rows],
+            lines=self.lines[rows] if len(self.lines) else self.lines,
         )
 
     def gather(self, values: Values) -> tuple[Array, ...]:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
-from slamcli.graph.columns import IndexArray, Values
+from slamcli.graph.columns import Factors, IndexArray, Values
 
 
 @dataclass(eq=False)
@@ -32,6 +32,8 @@ class Document:
         Line number before which new vertices are inserted.
     values
         The values of the variables as they were read: what differs from them has changed.
+    factors
+        The factors as they were read, likewise.
     """
 
     raw: bytes
@@ -43,6 +45,7 @@ class Document:
     fix_lines: IndexArray
     first_edge_line: int
     values: Values = field(default_factory=dict)
+    factors: tuple[Factors, ...] = ()
 
     @cached_property
     def record_spans(self) -> tuple[IndexArray, IndexArray]:

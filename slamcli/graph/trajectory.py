@@ -31,6 +31,8 @@ class Trajectory:
         Where it comes from, for messages and legends.
     graph
         The graph it was taken from, None for trajectory files. Its landmarks and edges are found there.
+    notes
+        What the reader of a trajectory file skipped or assumed, one sentence each.
     """
 
     kind: VariableKind
@@ -39,6 +41,7 @@ class Trajectory:
     stamps: Array | None = None
     source: str = ""
     graph: FactorGraph | None = None
+    notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.poses)

@@ -4,9 +4,10 @@
 """
 
 from slamcli.models.base import FactorKind, VariableKind
-from slamcli.models.point_observation import Bearing2D, PointObservation2D, PointObservation3D
+from slamcli.models.point_observation import PointObservation2D, PointObservation3D
 from slamcli.models.points import PointDifference, PointPrior
 from slamcli.models.priors import PosePrior2D, PosePrior3D, PositionPrior2D, PositionPrior3D
+from slamcli.models.range_bearing import Bearing2D, Range2D, RangeBearing2D
 from slamcli.models.relative_pose_2d import RelativePose2D
 from slamcli.models.relative_pose_3d import RelativePose3D
 from slamcli.models.variables import SE2, SE3, VARIABLE_KINDS, XY, XYZ
@@ -14,7 +15,9 @@ from slamcli.models.variables import SE2, SE3, VARIABLE_KINDS, XY, XYZ
 RELATIVE_POSE_2D = RelativePose2D()
 RELATIVE_POSE_3D = RelativePose3D()
 POINT_OBSERVATION_2D = PointObservation2D()
+RANGE_BEARING_2D = RangeBearing2D()
 BEARING_2D = Bearing2D()
+RANGE_2D = Range2D()
 POINT_OBSERVATION_3D = PointObservation3D()
 POSE_PRIOR_2D = PosePrior2D()
 POSITION_PRIOR_2D = PositionPrior2D()
@@ -29,7 +32,9 @@ FACTOR_KINDS: tuple[FactorKind, ...] = (
     RELATIVE_POSE_2D,
     RELATIVE_POSE_3D,
     POINT_OBSERVATION_2D,
+    RANGE_BEARING_2D,
     BEARING_2D,
+    RANGE_2D,
     POINT_OBSERVATION_3D,
     POSE_PRIOR_2D,
     POSITION_PRIOR_2D,
@@ -54,6 +59,8 @@ __all__ = [
     "POSE_PRIOR_3D",
     "POSITION_PRIOR_2D",
     "POSITION_PRIOR_3D",
+    "RANGE_2D",
+    "RANGE_BEARING_2D",
     "RELATIVE_POSE_2D",
     "RELATIVE_POSE_3D",
     "SE2",

@@ -1,4 +1,4 @@
-"""A pose observes a point: g2o's EDGE_SE2_XY, EDGE_BEARING_SE2_XY and EDGE_SE3_TRACKXYZ."""
+"""A pose observes the coordinates of a point in its own frame: g2o's EDGE_SE2_XY and EDGE_SE3_TRACKXYZ."""
 
 from __future__ import annotations
 
@@ -23,7 +23,8 @@ class PointObservation2D(FactorKind):
 
     def residual(self, x: tuple[Array, ...], measurement: Array, parameter: Array | None) -> Array:
         """Residuals (m, 2) in metres."""
-        return _in_frame_2d(x[0], x[1])[0] - measurement
+        u, v, _, _ = in_frame_2d(x[0], x[1])
+        return so2.pack(u, v) - measurement
 
     def linearize_into(
         self,
@@ -34,58 +35,16 @@ class PointObservation2D(FactorKind):
         parameter: Array | None,
     ) -> None:
         """Residuals and Jacobians; see the base class."""
-        local, cosine, sine = _in_frame_2d(x[0], x[1])
+        u, v, cosine, sine = in_frame_2d(x[0], x[1])
         jacobian_pose, jacobian_point = jacobians
-        np.subtract(local, measurement, out=residual)
+        np.subtract(u, measurement[:, 0], out=residual[:, 0])
+        np.subtract(v, measurement[:, 1], out=residual[:, 1])
         jacobian_pose[:, 0, 0] = jacobian_pose[:, 1, 1] = -1.0
-        jacobian_pose[:, 0, 2] = local[:, 1]
-        jacobian_pose[:, 1, 2] = -local[:, 0]
+        jacobian_pose[:, 0, 2] = v
+        jacobian_pose[:, 1, 2] = -u
         jacobian_point[:, 0, 0] = jacobian_point[:, 1, 1] = cosine
         jacobian_point[:, 0, 1] = sine
         jacobian_point[:, 1, 0] = -sine
-
-
-class Bearing2D(FactorKind):
-    """e = wrap(z - atan2(y, x)) of the point in the frame of the pose, in radians.
-
-    The sign is g2o's (``EdgeSE2PointXYBearing``), measurement minus prediction. At the pose itself the bearing
-    is undefined: the Jacobian is not finite there, and the solver says so.
-    """
-
-    name = "bearing_2d"
-    variables = (SE2, XY)
-    components = ("bearing",)
-    measurement_size = 1
-
-    def normalize(self, measurement: Array) -> Array:
-        """Wrap the bearing to [-pi, pi)."""
-        return so2.wrap(measurement)
-
-    def residual(self, x: tuple[Array, ...], measurement: Array, parameter: Array | None) -> Array:
-        """Residuals (m, 1) in radians."""
-        local = _in_frame_2d(x[0], x[1])[0]
-        return so2.wrap(measurement - np.arctan2(local[:, 1:], local[:, :1]))
-
-    def linearize_into(
-        self,
-        residual: Array,
-        jacobians: tuple[Array, ...],
-        x: tuple[Array, ...],
-        measurement: Array,
-        parameter: Array | None,
-    ) -> None:
-        """Residuals and Jacobians; see the base class."""
-        local, cosine, sine = _in_frame_2d(x[0], x[1])
-        residual[:] = so2.wrap(measurement - np.arctan2(local[:, 1:], local[:, :1]))
-        jacobian_pose, jacobian_point = jacobians
-        with np.errstate(divide="ignore", invalid="ignore"):
-            # gradient of atan2(v, u) is (-v, u) / (u^2 + v^2)
-            u, v = (local / np.square(local).sum(axis=1, keepdims=True)).T
-        jacobian_pose[:, 0, 0] = -v
-        jacobian_pose[:, 0, 1] = u
-        jacobian_pose[:, 0, 2] = 1.0
-        jacobian_point[:, 0, 0] = u * sine + v * cosine
-        jacobian_point[:, 0, 1] = v * sine - u * cosine
 
 
 class PointObservation3D(FactorKind):
@@ -132,11 +91,8 @@ class PointObservation3D(FactorKind):
         jacobian_point[:] = so3.to_matrix(so3.compose(offset_inverse, pose_inverse))
 
 
-def _in_frame_2d(pose: Array, point: Array) -> tuple[Array, Array, Array]:
-    """Point in the frame of the pose (m, 2), and the cosine and sine of the pose's heading."""
+def in_frame_2d(pose: Array, point: Array) -> tuple[Array, Array, Array, Array]:
+    """Points (m, 2) in the frames of poses (m, 3): their coordinates u and v, and the heading's cosine and sine."""
     cosine, sine = np.cos(pose[:, 2]), np.sin(pose[:, 2])
     dx, dy = point[:, 0] - pose[:, 0], point[:, 1] - pose[:, 1]
-    local = np.empty((len(pose), 2))
-    local[:, 0] = cosine * dx + sine * dy
-    local[:, 1] = cosine * dy - sine * dx
-    return local, cosine, sine
+    return cosine * dx + sine * dy, cosine * dy - sine * dx, cosine, sine

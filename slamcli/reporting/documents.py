@@ -30,7 +30,7 @@ def optimize_document(
     """The document of ``slamcli optimize --json``."""
     return {
         **head("optimize"),
-        "input": _input(source, topology.loop_closure_count, topology.component_count),
+        "input": input_section(source, topology.loop_closure_count, topology.component_count),
         "options": asdict(result.options),
         "gauge": asdict(result.gauge),
         "start": result.start,
@@ -55,7 +55,7 @@ def info_document(source: FactorGraph, description: GraphDescription, worst: lis
     """The document of ``slamcli info --json``."""
     return {
         **head("info"),
-        "input": _input(source, description.loop_closures, len(description.component_sizes)),
+        "input": input_section(source, description.loop_closures, len(description.component_sizes)),
         **{key: value for key, value in asdict(description).items() if key != "loop_closures"},
         "worst": [asdict(edge) for edge in worst],
     }
@@ -87,7 +87,8 @@ def head(command: str) -> dict[str, Any]:
     return {"schema_version": SCHEMA_VERSION, "command": command, "version": __version__}
 
 
-def _input(graph: FactorGraph, loop_closures: int, components: int) -> dict[str, Any]:
+def input_section(graph: FactorGraph, loop_closures: int, components: int) -> dict[str, Any]:
+    """The key ``input``: what was read."""
     report, document = graph.report, graph.document
     return {
         "path": report.path if report else None,

@@ -21,7 +21,7 @@ from slamcli.reporting import iterations
 
 GRAPH = str(BUNDLED / "manhattan_small.g2o")
 SEPARATED = re.compile(
-    r"iteration= \d+\t chi2= \d+\.\d{6}\t time= [-+.0-9e]+\t cumTime= [-+.0-9e]+\t edges= 651"
+    r"iteration= \d+\t chi2= \d+\.\d{6}\t time= [-+.0-9e]+\t cumTime= [-+.0-9e]+\t edges= 699"
     r"(\t schur= 0(\t lambda= \d+\.\d{6}\t levenbergIter= \d+)?"
     r"|\t Delta= [-+.0-9e]+\t step= (GN|Descent|Dogleg)\t tries= \d+)"
 )

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from slamcli.cli.commands import COMMANDS
 from slamcli.errors import ExitCode
 from slamcli.formats import DIALECTS
 from slamcli.solver.options import OptimizeOptions
@@ -24,7 +25,7 @@ SHELL = [
 ]
 BASH = shutil.which("bash")
 #: Keys whose value is a table by tag or by kind: its keys are data.
-_TABLES = {"by_tag", "skipped", "created"}
+_TABLES = {"by_tag", "skipped", "created", "scenario"}
 
 
 @pytest.fixture
@@ -88,6 +89,11 @@ def test_every_tag_is_listed(name):
         "optimize datasets/landmarks_small.g2o --method lm --worst 2 --json",
         "info datasets/landmarks_small.g2o --worst 2 --json",
         "optimize datasets/manhattan_small.g2o --quiet --trace -",
+        "simulate circle --poses 30 --set landmarks.count=5 --json",
+        "simulate square --poses 41 --set landmarks.count=5 --sweep robot.turn_bias=0,0.01 --runs 2 --json",
+        "inject datasets/manhattan_small.g2o -o x.g2o --false-closures 5 --corrupt-odometry 2 --perturb 0.1 --json",
+        "evaluate datasets/landmarks_small.g2o --truth datasets/truth/landmarks_small.g2o --dead-reckoning --json",
+        "predict --pose 2,1,30deg --landmark 5,5 --reading 5.2,21deg --noise 0.1,2deg --json",
     ],
 )
 def test_every_json_key_is_explained(words, checkout):
@@ -95,7 +101,7 @@ def test_every_json_key_is_explained(words, checkout):
     assert done.returncode == 0, done.stderr
     documents = [json.loads(done.stdout)] if "--json" in words else [json.loads(x) for x in done.stdout.splitlines()]
     found = set(keys(documents))
-    assert {"schema_version", "chi2"} <= found
+    assert "schema_version" in found and len(found) > 8
     assert [key for key in sorted(found) if f"`{key}`" not in TEXT["json.md"].replace("[]`", "`")] == []
 
 
@@ -123,7 +129,7 @@ def test_environment_sets_options(checkout):
     ("typed", "offered"),
     [
         (["op"], ["optimize"]),
-        ([""], ["convert", "info", "optimize"]),
+        ([""], sorted(COMMANDS)),
         (["optimize", "--lin"], ["--linear-solver"]),
         (["optimize", "--linear-solver", ""], ["cholmod", "superlu", "pardiso"]),
         (["convert", "a", "b", "--to", "t"], ["toro"]),

@@ -77,4 +77,4 @@ def test_picture_shows_what_the_command_prints(checkout):
     words = [line.split()[0] for line in done.stdout.splitlines()]
     assert len(words) > 5
     assert [word for word in words if f">{word}&#160;" not in picture] == [], "run: python docs/make_picture.py"
-    assert "787.332860" in done.stdout and "787.332860" in picture
+    assert "877.048409" in done.stdout and "877.048409" in picture

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from support import BUNDLED, dataset, vectors, write_file
+from support import BUNDLED, EDGES, dataset, vectors, write_file
 
 import slamcli
 from slamcli.errors import InputError, UsageError
@@ -113,7 +113,7 @@ def test_standard_input(monkeypatch: pytest.MonkeyPatch, packed: bool) -> None:
     monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(data)))
     graph = slamcli.read("-")
     assert graph.report is not None
-    assert (graph.report.path, graph.edges) == ("-", 13)
+    assert (graph.report.path, graph.edges) == ("-", len(EDGES))
 
 
 def test_layout_does_not_matter(tmp_path: Path) -> None:

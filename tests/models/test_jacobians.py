@@ -32,6 +32,8 @@ def random_factors(kind: FactorKind, count: int = 200, seed: int = 0) -> tuple[t
     measurement = kind.normalize(rng.normal(scale=3.0, size=(count, kind.measurement_size)))
     if kind.components == ("x", "y", "theta"):
         measurement = models.SE2.normalize(measurement)
+    if kind.components[0] == "range":
+        measurement[:, 0] = np.abs(measurement[:, 0])
     parameter = None if kind.parameter is None else random_values(kind.parameter, count, rng)
     return x, measurement, parameter
 
@@ -99,14 +101,15 @@ def test_jacobians_where_the_rotation_error_is_nearly_half_a_turn(kind: FactorKi
     assert_jacobians(kind, x, measurement, parameter)
 
 
-def test_jacobians_of_bearings_near_the_wrap() -> None:
+@pytest.mark.parametrize("kind", [models.BEARING_2D, models.RANGE_BEARING_2D], ids=lambda kind: kind.name)
+def test_jacobians_of_bearings_near_the_wrap(kind: FactorKind) -> None:
     """Points seen just on either side of the direction opposite to the measured one, and behind the robot."""
-    kind = models.BEARING_2D
     (pose, _), measurement, _ = random_factors(kind)
-    measurement[::2] = np.pi - NEAR
-    direction = pose[:, 2] + measurement[:, 0] + np.pi + np.where(np.arange(len(pose)) % 4 < 2, NEAR, -NEAR)
+    measurement[::2, -1] = np.pi - NEAR
+    direction = pose[:, 2] + measurement[:, -1] + np.pi + np.where(np.arange(len(pose)) % 4 < 2, NEAR, -NEAR)
     point = pose[:, :2] + 5.0 * np.stack([np.cos(direction), np.sin(direction)], axis=1)
-    assert_allclose(np.abs(kind.residual((pose, point), measurement, None)), np.pi, rtol=0, atol=1.01 * NEAR)
+    bearing = kind.residual((pose, point), measurement, None)[:, -1]
+    assert_allclose(np.abs(bearing), np.pi, rtol=0, atol=1.01 * NEAR)
     assert_jacobians(kind, (pose, point), measurement, None)
 
 
@@ -151,6 +154,9 @@ def test_the_residual_vanishes_where_place_puts_the_last_variable(kind: FactorKi
     assert_allclose(kind.residual((*x[:-1], placed), measurement, parameter), 0.0, rtol=0, atol=1e-13)
 
 
-def test_a_bearing_to_the_pose_itself_has_no_finite_jacobian() -> None:
-    _, jacobians = models.BEARING_2D.linearize((np.zeros((1, 3)), np.zeros((1, 2))), np.zeros((1, 1)), None)
+@pytest.mark.parametrize("kind", [models.BEARING_2D, models.RANGE_2D, models.RANGE_BEARING_2D], ids=repr)
+def test_the_direction_to_the_pose_itself_has_no_finite_jacobian(kind: FactorKind) -> None:
+    nowhere = np.zeros((1, 3)), np.zeros((1, 2))
+    residual, jacobians = kind.linearize(nowhere, np.zeros((1, kind.measurement_size)), None)
+    assert not residual.any()
     assert not np.isfinite(jacobians[1]).any()

@@ -7,7 +7,8 @@ Sources:
 * ``g2o``: as g2o 2.3.0 (g2opy) prints it.
 * ``twin``: the same graph as another row, in another format; so it must have that row's optimum.
 * ``SLAM++``: its own table of tests.
-* ``bundled``: datasets/README.md, computed from the generator's definitions.
+* ``scipy``: ``scipy.optimize.least_squares`` on TORO's own error, R_i^T (t_j - t_i) - d in the frame of pose i, with
+  the information in TORO's order; see ``toro_by_scipy`` in test_golden.py.
 
 All quaternions are normalized on reading, and the lowest id is held. A chi2 without a start is None.
 """
@@ -81,11 +82,10 @@ GOLDEN = (
 )
 
 BUNDLED = (
-    Golden("manhattan_small.g2o", 735344.2, 787.3329, "bundled"),
-    Golden("sphere_small.g2o", 115873.7, 2255.922, "bundled"),
-    Golden("landmarks_small.g2o", 10807.70, 669.2337, "bundled"),
-    # scipy.optimize.least_squares on TORO's own error, R_i^T (t_j - t_i) - d in the frame of pose i
-    Golden("square_toro.graph", 962.492829, 57.860299, "bundled"),
+    Golden("manhattan_small.g2o", 138499.527830, 877.048408928, "g2o"),
+    Golden("sphere_small.g2o", 98824.0124327, 2359.20983850, "g2o"),
+    Golden("landmarks_small.g2o", 1950.63474702, 372.237355951, "g2o"),
+    Golden("square_toro.graph", 2821.07750110, 52.3135570560, "scipy"),
 )
 
 #: Runs that must go on below the best value of ``peers`` (right), which had not converged on a slow tail.

@@ -126,4 +126,4 @@ def test_density_counts_both_triangles() -> None:
     sparsity = make_problem(graph).sparsity
     full = 2 * sparsity.nnz_hessian - sparsity.dimension
     assert sparsity.density == full / sparsity.dimension**2
-    assert sparsity.dimension == 3 * 39
+    assert sparsity.dimension == 3 * 40

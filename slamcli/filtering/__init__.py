@@ -1,0 +1,1 @@
+"""Filtering: what a reading says about a state, against what the state predicts."""

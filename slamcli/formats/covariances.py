@@ -1,0 +1,111 @@
+"""Reads the covariances of poses and landmarks: an npz archive, or CSV with the upper triangle of each matrix.
+
+The archive holds ``ids`` (n,), ``covariance`` (n, d, d) and ``frame``, the text ``local``. A row of the CSV file is
+``id,c11,c12,...,c22,...``, row by row; a header of words may stand above. The matrices are those of the tangent vector
+of ``VariableKind.retract``, in the frame of the pose: (x, y, theta) in metres and radians for planar poses, the
+translation and the vector part of the quaternion for spatial ones. Those of landmarks are along the world's axes.
+"""
+
+from __future__ import annotations
+
+import zipfile
+from dataclasses import dataclass
+
+import numpy as np
+
+from slamcli.errors import InputError
+from slamcli.formats.source import read_bytes
+from slamcli.formats.tables import TableText
+from slamcli.graph.columns import IdArray
+from slamcli.models.base import Array
+
+#: Numbers of a CSV row, and the size of the matrix that it holds: an id and an upper triangle.
+_SIZES = {1 + d * (d + 1) // 2: d for d in (2, 3, 6)}
+_ASYMMETRY = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Covariances:
+    """Covariances of poses or landmarks.
+
+    Attributes
+    ----------
+    ids
+        (n,) unique ids.
+    covariance
+        (n, d, d) symmetric matrices in the frame of each pose (of the world for landmarks), d = 2, 3 or 6.
+    path
+        Where they come from, for messages.
+    """
+
+    ids: IdArray
+    covariance: Array
+    path: str = ""
+
+
+def read_covariances(path: str) -> Covariances:
+    """Read the covariances of variables.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or does not hold what it should.
+    """
+    try:
+        is_archive = path != "-" and zipfile.is_zipfile(path)
+    except OSError:
+        is_archive = False  # the reader of text says why it cannot be read
+    out = _read_archive(path) if is_archive else _read_csv(path)
+    if len(np.unique(out.ids)) < len(out.ids):
+        raise InputError(f"{path}: an id occurs twice")
+    finite = np.isfinite(out.covariance).all(axis=(1, 2))
+    if not finite.all():
+        raise InputError(f"{path}: the covariance of variable {out.ids[~finite][0]} is not finite")
+    size = np.abs(out.covariance).max(axis=(1, 2))
+    skew = np.abs(out.covariance - out.covariance.transpose(0, 2, 1)).max(axis=(1, 2)) > _ASYMMETRY * size
+    if skew.any():
+        raise InputError(f"{path}: the covariance of variable {out.ids[skew][0]} is not symmetric")
+    return out
+
+
+def _read_archive(path: str) -> Covariances:
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            content = {name: archive[name] for name in archive.files}
+    except (OSError, ValueError, zipfile.BadZipFile) as error:
+        raise InputError(f"{path}: is not a readable npz archive: {error}") from None
+    missing = [name for name in ("ids", "covariance", "frame") if name not in content]
+    if missing:
+        raise InputError(
+            f"{path}: lacks {' and '.join(missing)}",
+            (f"  it holds {', '.join(content) or 'nothing'}", "  expected ids (n,), covariance (n, d, d), frame"),
+        )
+    frame = str(content["frame"])
+    if frame != "local":
+        raise InputError(f"{path}: the frame is {frame!r}, expected 'local' (the tangent space at each pose)")
+    ids, covariance = content["ids"], content["covariance"]
+    if ids.ndim != 1 or ids.dtype.kind not in "iu":
+        raise InputError(f"{path}: ids must be whole numbers (n,), found {ids.dtype} {ids.shape}")
+    shapes = [(len(ids), d, d) for d in _SIZES.values()]
+    if covariance.dtype.kind not in "fiu" or covariance.shape not in shapes:
+        raise InputError(f"{path}: covariance must be {' or '.join(map(str, shapes))}, found {covariance.shape}")
+    whole = ids.astype(np.uint64 if ids.dtype == np.uint64 else np.int64)
+    return Covariances(whole, covariance.astype(np.float64), path)
+
+
+def _read_csv(path: str) -> Covariances:
+    text = TableText(path, read_bytes(path)[1])
+    if not text.is_table:
+        raise InputError(f"{path}: holds no covariance, expected an npz archive or CSV rows id,c11,c12,...")
+    if text.columns not in _SIZES:
+        raise text.refuse("4, 7 or 22 numbers: an id and the upper triangle of a 2 x 2, 3 x 3 or 6 x 6 matrix", "")
+    dimension = _SIZES[text.columns]
+    table = text.read(text.columns, "id,c11,c12,..., the upper triangle row by row", lenient=False, header=True)
+    ids = table.numbers[:, 0].astype(np.int64)
+    if (ids != table.numbers[:, 0]).any():
+        wrong = int(np.flatnonzero(ids != table.numbers[:, 0])[0])
+        raise InputError(f"{path}:{table.lines[wrong]}:1: expected an id, found {table.numbers[wrong, 0]!r}")
+    covariance = np.empty((len(ids), dimension, dimension))
+    rows, columns = np.triu_indices(dimension)
+    covariance[:, rows, columns] = covariance[:, columns, rows] = table.numbers[:, 1:]
+    return Covariances(ids, covariance, path)
