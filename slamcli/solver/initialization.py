@@ -183,5 +183,5 @@ def _require_all(graph: FactorGraph, placed: dict[str, BoolArray]) -> None:
             who = "1 landmark has" if lost.sum() == 1 else f"{lost.sum()} landmarks have"
             raise NumericalError(
                 f"{who} no estimate and no edge that determines one: {ids}{more}",
-                ("  give vertices for them: one bearing, one range or an edge from them to another point places none",),
+                ("  give vertices for them: a bearing or a range, or an edge from them to another point, places none",),
             )
