@@ -124,27 +124,12 @@ def merge_config(
 
 
 def _load_config(path: str, names: tuple[str, ...]) -> dict[str, Any]:
-    import difflib
+    from slamcli.formats.configuration import load_mapping, suggestion
 
-    import yaml
-
-    try:
-        with open(path, encoding="utf-8") as stream:
-            content = yaml.safe_load(stream)
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be read: {error.strerror}") from None
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise UsageError(f"{path}: is not valid YAML", (f"  {error}".replace("\n", "\n  "),)) from None
-    if content is None:
-        return {}
-    if not isinstance(content, dict):
-        raise UsageError(f"{path}: expected option names with values, found {type(content).__name__}")
     out = {}
-    for key, value in content.items():
+    for key, value in load_mapping(path).items():
         name = str(key).replace("-", "_")
         if name not in names:
-            close = difflib.get_close_matches(name, names, n=1)
-            hint = f"  did you mean {close[0]}?" if close else f"  known: {', '.join(names)}"
-            raise UsageError(f"{path}: unknown option {key!r}", (hint,))
+            raise UsageError(f"{path}: unknown option {key!r}", (suggestion(name, names),))
         out[name] = value
     return out

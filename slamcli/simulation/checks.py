@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import difflib
 import inspect
 
 from slamcli.errors import UsageError
+from slamcli.formats.configuration import suggestion
 from slamcli.simulation.scenario import CLOSURE_SOURCES, GUESSES, MOTIONS, PLANAR_SENSORS, SPATIAL_SENSORS, Scenario
 from slamcli.simulation.worlds import WORLDS
 
@@ -25,14 +25,12 @@ def check(scenario: Scenario, source: str) -> None:
 
 def _check_world(scenario: Scenario, source: str) -> None:
     if scenario.world not in WORLDS:
-        close = difflib.get_close_matches(scenario.world, WORLDS, n=1)
-        hint = f"  did you mean {close[0]}?" if close else f"  worlds: {', '.join(WORLDS)}"
+        hint = suggestion(scenario.world, WORLDS, "worlds")
         raise UsageError(f"{source}: there is no world {scenario.world!r}", (hint,))
     parameters = list(inspect.signature(WORLDS[scenario.world]).parameters)[2:]
     for name, value in scenario.path.items():
         if name not in parameters:
-            close = difflib.get_close_matches(name, parameters, n=1)
-            hint = f"  did you mean {close[0]}?" if close else f"  known: {', '.join(parameters)}"
+            hint = suggestion(name, parameters)
             raise UsageError(f"{source}: unknown key 'path.{name}' of the world {scenario.world}", (hint,))
         if value is None or isinstance(value, (str, bool)) or not value > 0:
             raise UsageError(f"{source}: path.{name} must be positive, found {value!r}")

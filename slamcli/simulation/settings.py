@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import difflib
 import os
 from dataclasses import fields, is_dataclass
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 import yaml
 
 from slamcli.errors import UsageError
+from slamcli.formats.configuration import load_mapping, suggestion
 from slamcli.formats.quantities import parse_numbers
 from slamcli.simulation.checks import check
 from slamcli.simulation.scenario import Scenario, Sensor
@@ -28,18 +28,10 @@ def load_scenario(source: str) -> dict[str, Any]:
     if source in WORLDS:
         return {"world": source}
     if not source.endswith((".yaml", ".yml")) and not os.path.exists(source):
-        close = difflib.get_close_matches(source, WORLDS, n=1)
-        hint = f"  did you mean {close[0]}?" if close else f"  worlds: {', '.join(WORLDS)}"
-        raise UsageError(f"there is no world and no file {source!r}", (hint,))
-    try:
-        with open(source, encoding="utf-8") as stream:
-            content = yaml.safe_load(stream)
-    except OSError as error:
-        raise UsageError(f"{source}: cannot be read: {error.strerror}") from None
-    except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise UsageError(f"{source}: is not valid YAML", (f"  {error}".replace("\n", "\n  "),)) from None
-    if not isinstance(content, dict):
-        raise UsageError(f"{source}: expected keys with values, found {type(content).__name__}")
+        raise UsageError(f"there is no world and no file {source!r}", (suggestion(source, WORLDS, "worlds"),))
+    content = load_mapping(source)
+    if not content:
+        raise UsageError(f"{source}: holds no key", (f"  a world is enough, such as world: {next(iter(WORLDS))}",))
     return content
 
 
@@ -130,9 +122,7 @@ def _build(kind: Any, content: Any, source: str, where: str) -> Any:
         name = str(key).replace("-", "_")
         label = f"{where}.{name}" if where else name
         if name not in known:
-            close = difflib.get_close_matches(name, known, n=1)
-            hint = f"  did you mean {close[0]}?" if close else f"  known: {', '.join(known)}"
-            raise UsageError(f"{source}: unknown key {label!r}", (hint,))
+            raise UsageError(f"{source}: unknown key {label!r}", (suggestion(name, known),))
         default = getattr(kind(), name)
         if name == "sensors":
             if not isinstance(value, list):

@@ -140,7 +140,7 @@ CASES = (
     Case("optimize {in} --config {config}", 2, err="method 'newton' does not exist", config="method: newton"),
     Case("optimize {in} --config {config}", 2, err="max_iterations must be a number", config="max_iterations: true"),
     Case("optimize {in} --config {config}", 2, err="fix must be a list of ids", config="fix: [a]"),
-    Case("optimize {in} --config {config}", 2, err="expected option names with values", config="- method"),
+    Case("optimize {in} --config {config}", 2, err="expected keys with values", config="- method"),
     Case("optimize {in} --config {config}", 2, err="is not valid YAML", config="method: [lm"),
     Case("optimize {in} --config nowhere.yaml", 2, err="nowhere.yaml: cannot be read"),
     Case("optimize {in} --config {config}", 0, out="converged", config=""),

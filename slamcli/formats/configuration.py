@@ -1,0 +1,40 @@
+"""Configuration files: YAML mappings, and what to say about keys that do not exist."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from typing import Any
+
+from slamcli.errors import UsageError
+
+
+def load_mapping(path: str) -> dict[str, Any]:
+    """Content of a YAML file of keys with values; an empty file has none.
+
+    Raises
+    ------
+    UsageError
+        If it cannot be read, is not YAML or is something else than a mapping.
+    """
+    import yaml  # only where there is a file
+
+    try:
+        with open(path, encoding="utf-8") as stream:
+            content = yaml.safe_load(stream)
+    except OSError as error:
+        raise UsageError(f"{path}: cannot be read: {error.strerror}") from None
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise UsageError(f"{path}: is not valid YAML", (f"  {error}".replace("\n", "\n  "),)) from None
+    if content is None:
+        return {}
+    if not isinstance(content, dict):
+        raise UsageError(f"{path}: expected keys with values, found {type(content).__name__}")
+    return content
+
+
+def suggestion(name: str, known: Iterable[str], what: str = "known") -> str:
+    """A line that names the nearest of the known words, or all of them."""
+    words = list(known)
+    close = difflib.get_close_matches(name, words, n=1)
+    return f"  did you mean {close[0]}?" if close else f"  {what}: {', '.join(words)}"
