@@ -6,7 +6,9 @@ from slamcli import __version__
 
 #: Name of each subcommand: the module that holds its ``command``, and what it does in a line.
 COMMANDS: dict[str, tuple[str, str]] = {
+    "compare": ("slamcli.cli.compare", "Dead reckoning, filter and smoother on the same data, side by side."),
     "convert": ("slamcli.cli.convert", "Convert a graph between g2o and TORO."),
+    "ekf": ("slamcli.cli.ekf", "Run EKF-SLAM on a graph, a simulation or a real sensor log."),
     "evaluate": ("slamcli.cli.evaluate", "Compare estimates with the truth: ATE, RPE, drift, landmarks."),
     "info": ("slamcli.cli.info", "Describe a graph: counts, connectivity, chi2, information."),
     "inject": ("slamcli.cli.inject", "Spoil a graph on purpose: false closures, bad odometry."),

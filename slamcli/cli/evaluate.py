@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from slamcli.cli.options import DIALECTS, FILE, color_option, json_option, use_color, warn
+from slamcli.cli.options import DIALECTS, FILE, check_outputs, color_option, json_option, use_color, warn
 from slamcli.errors import InputError, UsageError
 
 if TYPE_CHECKING:
@@ -133,12 +133,7 @@ def _check(estimates: tuple[str, ...], truth: str | None, given: dict[str, Any])
     readers = [*estimates, *(given[name] for name in ("timestamps", "truth_timestamps", "labels")), truth]
     if readers.count("-") > 1:
         raise UsageError("only one file can come from standard input")
-    if given["errors"] in ("/dev/stdout", "/dev/fd/1"):
-        given["errors"] = "-"
-    if given["errors"] == "" or (given["errors"] or "").endswith("/"):
-        raise UsageError(f"--errors needs the name of a file, got {given['errors']!r}")
-    if given["errors"] == "-" and given["json"]:
-        raise UsageError("--errors and --json both want standard output", ("  write one of them to a file",))
+    check_outputs(given, ("errors",), json=given["json"], inputs=[*readers, given["covariances"]])
 
 
 def _estimates(paths: tuple[str, ...], given: dict[str, Any]) -> Iterator[Trajectory]:

@@ -32,6 +32,9 @@ def main(arguments: list[str] | None = None) -> int:
     except SlamcliError as error:
         _say_error(error.message, error.details)
         return int(error.exit_code)
+    except MemoryError:
+        _say_error("out of memory", ("  the input, or what was asked for, is too large for this machine",))
+        return int(ExitCode.NUMERICAL_FAILURE)
     except BrokenPipeError:
         _silence_stdout()
         return int(ExitCode.BROKEN_PIPE)

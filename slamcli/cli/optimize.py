@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import signal
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import click
@@ -22,7 +19,7 @@ from slamcli.cli.options import (
     warn,
     worst_option,
 )
-from slamcli.cli.process import peak_memory
+from slamcli.cli.process import interruptible, peak_memory
 from slamcli.errors import ExitCode, UsageError
 from slamcli.solver.options import INITS, LINEAR_SOLVERS, METHODS, ORDERINGS, SCALINGS, OptimizeOptions
 
@@ -51,7 +48,13 @@ is written).
     show_default=True,
     help="Gauss-Newton, Levenberg-Marquardt or Powell's dogleg.",
 )
-@click.option("--init", type=click.Choice(INITS), default="file", show_default=True, help="Where to start.")
+@click.option(
+    "--init",
+    type=click.Choice(INITS),
+    default="file",
+    show_default=True,
+    help="Where to start; all but file need no guess, and chordal is the best of those.",
+)
 @click.option(
     "--max-iterations", type=click.IntRange(min=0), default=100, show_default=True, help="Budget of iterations."
 )
@@ -114,7 +117,7 @@ def _optimize(path: str, options: OptimizeOptions, given: dict[str, Any]) -> int
     times["load"] = time.perf_counter() - started
     warn(summaries.reading_warnings(graph.report))
     watcher = _watcher(graph.edges, given)
-    with _interruptible() as interrupted:
+    with interruptible("iteration") as interrupted:
         result = optimize(graph, options=options, on_iteration=watcher, interrupted=interrupted)
     if watcher is not None and not given["g2o_log"]:
         print(file=sys.stderr)  # between the table and the summary
@@ -222,21 +225,3 @@ def _watcher(edges: int, given: dict[str, Any]) -> Any:
         print(iterations.line(chi2, record), file=sys.stderr)
 
     return rows
-
-
-@contextmanager
-def _interruptible() -> Iterator[Any]:
-    """The first Ctrl-C asks to stop after the iteration, the second stops at once."""
-    asked = False
-
-    def ask(number: int, frame: Any) -> None:
-        nonlocal asked
-        asked = True
-        signal.signal(signal.SIGINT, previous)
-        print("\ninterrupted: finishing this iteration, then writing (once more to stop at once)", file=sys.stderr)
-
-    previous = signal.signal(signal.SIGINT, ask)
-    try:
-        yield lambda: asked
-    finally:
-        signal.signal(signal.SIGINT, previous)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, TypeVar
 
 import click
@@ -64,14 +64,17 @@ def use_color(choice: str, stream: Any) -> bool:
     return choice == "always"
 
 
-def check_outputs(given: dict[str, Any], names: tuple[str, ...], *, json: bool) -> None:
+def check_outputs(
+    given: dict[str, Any], names: tuple[str, ...], *, json: bool, inputs: Iterable[str | None] = ()
+) -> None:
     """Standard output carries one thing, and each output file, too. ``/dev/stdout`` becomes ``-``.
 
     Raises
     ------
     UsageError
-        If two outputs want one place, or one has no name.
+        If two outputs want one place, or one has no name or that of one of the ``inputs``.
     """
+    sources = {os.path.realpath(path) for path in inputs if path not in (None, "-")}
     seen: dict[str, str] = {}
     for name in names:
         if given[name] in ("/dev/stdout", "/dev/fd/1"):
@@ -82,6 +85,8 @@ def check_outputs(given: dict[str, Any], names: tuple[str, ...], *, json: bool) 
             other = seen.setdefault(os.path.realpath(given[name]), name)
             if other != name:
                 raise UsageError(f"--{other} and --{name} name the same file")
+            if os.path.realpath(given[name]) in sources:
+                raise UsageError(f"--{name} {given[name]} is an input and would be overwritten")
     takers = [name for name in names if given[name] == "-"] + ["json"] * json
     if len(takers) > 1:
         raise UsageError(

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 #: Options that change nothing but maps.
 _FOR_MAPS = ("truth", "align", "view", "color_by", "closures", "labels", "covariances", "dialect", "lenient")
 
+#: Of a picture, from edge to edge: 1.6 GB where both are so many.
+_MOST_PIXELS = 20_000
+
 _EXAMPLES = """\b
 Examples:
   slamcli plot graph.g2o -o map.png
@@ -104,6 +107,7 @@ def command(context: click.Context, /, inputs: tuple[str, ...], output: str, **g
     the iterations, CSV files of evaluate --errors errors over time.
     """
     size = _size(given["size"])
+    _check_pixels(size, given["dpi"])
     _check_inputs(inputs, given)
     from slamcli.formats.source import write_bytes
     from slamcli.reporting.plots.files import format_of, render
@@ -247,6 +251,16 @@ def _size(given: str | None) -> tuple[float, float] | None:
     if not (1.0 <= width <= 100.0 and 1.0 <= height <= 100.0):
         raise UsageError(f"--size {given}: expected width and height in inches, from 1 to 100", ("  such as 7,5",))
     return width, height
+
+
+def _check_pixels(size: tuple[float, float] | None, dpi: int) -> None:
+    """A picture has to fit into memory, and a viewer has to open it."""
+    pixels = [round(side * dpi) for side in size or (0.0, 0.0)]
+    if max(pixels) > _MOST_PIXELS:
+        raise UsageError(
+            f"--size and --dpi make {pixels[0]} x {pixels[1]} pixels, more than {_MOST_PIXELS} in one direction",
+            ("  a smaller --size or --dpi",),
+        )
 
 
 def _check_inputs(inputs: tuple[str, ...], given: dict[str, Any]) -> None:

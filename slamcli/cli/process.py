@@ -1,10 +1,12 @@
-"""What a command says about its own process: progress while it runs, and the memory it took."""
+"""What a command says about its own process: progress, interruption, and the memory it took."""
 
 from __future__ import annotations
 
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 
 @contextmanager
@@ -19,6 +21,24 @@ def progress(what: str, total: int) -> Iterator[Callable[[], None]]:
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=total)
         yield lambda: bar.advance(task)
+
+
+@contextmanager
+def interruptible(what: str) -> Iterator[Callable[[], bool]]:
+    """The first Ctrl-C asks to stop after the present piece of work, the second stops at once."""
+    asked = False
+
+    def ask(number: int, frame: Any) -> None:
+        nonlocal asked
+        asked = True
+        signal.signal(signal.SIGINT, previous)
+        print(f"\ninterrupted: finishing this {what}, then writing (once more to stop at once)", file=sys.stderr)
+
+    previous = signal.signal(signal.SIGINT, ask)
+    try:
+        yield lambda: asked
+    finally:
+        signal.signal(signal.SIGINT, previous)
 
 
 def peak_memory() -> float:

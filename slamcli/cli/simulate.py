@@ -52,7 +52,11 @@ def command(source: str, **given: Any) -> int:
     information written is the inverse of the covariance that was drawn from.
     """
     started = time.perf_counter()
-    check_outputs(given, ("output", "truth", "log", "labels"), json=given["json"])
+    from slamcli.simulation.worlds import WORLDS
+
+    inputs = [] if source in WORLDS else [source]
+    check_outputs(given, ("output", "truth", "log", "labels"), json=given["json"], inputs=inputs)
+    _check_output(given["output"])
     content = _content(source, given)
     if given["sweep"]:
         return _sweep(source, content, given)
@@ -79,6 +83,16 @@ def command(source: str, **given: Any) -> int:
     return 0
 
 
+def _check_output(path: str | None) -> None:
+    """The graph does not go into a file of another kind."""
+    plain = (path or "").removesuffix(".gz")
+    if plain.endswith((".tum", ".kitti", ".csv", ".yaml", ".yml", ".json", ".npz")):
+        raise UsageError(
+            f"--output {path}: the graph is written as g2o or TORO",
+            ("  --truth writes trajectories (.tum, .kitti), --log and --labels write CSV",),
+        )
+
+
 def _content(source: str, given: dict[str, Any]) -> dict[str, Any]:
     """The configuration with what the command line sets."""
     from slamcli.simulation.settings import assign, load_scenario
@@ -94,15 +108,23 @@ def _content(source: str, given: dict[str, Any]) -> dict[str, Any]:
 
 def _write(simulation: Any, given: dict[str, Any]) -> dict[str, str]:
     """Write what was asked for; say what went where."""
-    from slamcli.formats import write
+    from dataclasses import replace
+    from itertools import compress
+
+    from slamcli.formats import DIALECTS, write
     from slamcli.formats.labels import labels_of, write_labels
     from slamcli.formats.recognize import of_ending
     from slamcli.formats.trajectories import form_of_ending, write_trajectory
     from slamcli.simulation.record import comment, log_blocks, true_trajectory
 
     said = comment(simulation.scenario)
+    graph, outliers = simulation.graph, simulation.outliers
     if given["output"]:
-        warn(write(simulation.graph, given["output"], dialect=of_ending(given["output"]), comments=[said]))
+        dialect = of_ending(given["output"])
+        warn(write(graph, given["output"], dialect=dialect, comments=[said]))
+        kept = [DIALECTS[dialect or "g2o"].edge_tag(factors.kind) is not None for factors in graph.factors]
+        graph = replace(graph, factors=list(compress(graph.factors, kept)))
+        outliers = list(compress(outliers, kept))
     if given["truth"]:
         if form_of_ending(given["truth"]):
             write_trajectory(true_trajectory(simulation), given["truth"])
@@ -113,7 +135,7 @@ def _write(simulation: Any, given: dict[str, Any]) -> dict[str, str]:
 
         write_log(log_blocks(simulation), given["log"], [said])
     if given["labels"]:
-        labels, tags = labels_of(simulation.graph, simulation.outliers)
+        labels, tags = labels_of(graph, outliers)  # of the edges that are in the file
         write_labels(given["labels"], labels, tags)
     return {name: given[name] for name in ("output", "truth", "log", "labels") if given[name]}
 

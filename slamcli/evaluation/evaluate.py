@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from slamcli.errors import UsageError
+from slamcli.errors import InputError, UsageError
 from slamcli.evaluation.alignment import align
 from slamcli.evaluation.association import associate
 from slamcli.evaluation.closures import ClosureScores, closure_scores
@@ -20,6 +20,9 @@ from slamcli.formats.labels import Labels
 from slamcli.graph.trajectory import Trajectory
 from slamcli.models import SE2
 from slamcli.models.base import Array
+
+#: Metres from the origin; the squares of such distances and their sums are numbers still.
+_FARTHEST = 1e100
 
 
 def evaluate(
@@ -48,7 +51,7 @@ def evaluate(
     Raises
     ------
     InputError
-        If no pose of an estimate has a partner, or labels or covariances do not fit.
+        If no pose of an estimate has a partner, if labels or covariances do not fit, or if a position is too far away.
     NumericalError
         If the positions do not determine the alignment.
     UsageError
@@ -81,6 +84,8 @@ def _result(
         return EstimateResult(
             estimate.source, len(estimate), estimate.length, estimate.kind.name, gap(estimate), closures=closures
         )
+    for trajectory in (estimate, truth):
+        _check_extent(trajectory)
     pairs = associate(estimate, truth, options.associate, options.max_time_difference)
     shorter = min(len(estimate), len(truth))
     if 2 * len(pairs) < shorter:
@@ -120,6 +125,16 @@ def _result(
         consistency=None if covariances is None else nees(estimate, truth, pairs, covariances, aligned),
         closures=closures,
     )
+
+
+def _check_extent(trajectory: Trajectory) -> None:
+    """Squares of distances have to be numbers."""
+    farthest = float(np.abs(trajectory.positions).max(initial=0.0))
+    if farthest > _FARTHEST:
+        raise InputError(
+            f"{trajectory.source}: a position is {farthest:.3g} m from the origin, too far to be compared",
+            ("  did the optimization that wrote it diverge?",),
+        )
 
 
 def _relative(

@@ -21,7 +21,7 @@ def load_mapping(path: str) -> dict[str, Any]:
 
     try:
         with open(path, encoding="utf-8") as stream:
-            content = yaml.safe_load(stream)
+            content = yaml.load(stream, Loader=_strict(yaml))
     except OSError as error:
         raise UsageError(f"{path}: cannot be read: {error.strerror}") from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:
@@ -31,6 +31,20 @@ def load_mapping(path: str) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise UsageError(f"{path}: expected keys with values, found {type(content).__name__}")
     return content
+
+
+def _strict(yaml: Any) -> Any:
+    """A loader of plain YAML that refuses a key that stands twice: the first would be lost in silence."""
+
+    class Loader(yaml.SafeLoader):  # type: ignore[misc]
+        def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
+            words = [str(key.value).replace("-", "_") for key, _ in node.value]
+            for (key, _), word in zip(node.value, words, strict=True):
+                if words.count(word) > 1:
+                    raise yaml.constructor.ConstructorError(None, None, f"the key {word} stands twice", key.start_mark)
+            return super().construct_mapping(node, deep)
+
+    return Loader
 
 
 def suggestion(name: str, known: Iterable[str], what: str = "known") -> str:

@@ -1,4 +1,4 @@
-"""Reads the covariances of poses and landmarks: an npz archive, or CSV with the upper triangle of each matrix.
+"""Covariances of poses and landmarks, read and written: npz archives, or CSV with the upper triangle of each matrix.
 
 The archive holds ``ids`` (n,), ``covariance`` (n, d, d) and ``frame``, the text ``local``. A row of the CSV file is
 ``id,c11,c12,...,c22,...``, row by row; a header of words may stand above. The matrices are those of the tangent vector
@@ -8,13 +8,14 @@ translation and the vector part of the quaternion for spatial ones. Those of lan
 
 from __future__ import annotations
 
+import io
 import zipfile
 from dataclasses import dataclass
 
 import numpy as np
 
 from slamcli.errors import InputError
-from slamcli.formats.source import read_bytes
+from slamcli.formats.source import read_bytes, write_bytes
 from slamcli.formats.tables import TableText
 from slamcli.graph.columns import IdArray
 from slamcli.models.base import Array
@@ -66,6 +67,35 @@ def read_covariances(path: str) -> Covariances:
     if skew.any():
         raise InputError(f"{path}: the covariance of variable {out.ids[skew][0]} is not symmetric")
     return out
+
+
+def write_covariances(path: str, ids: IdArray, covariance: Array) -> None:
+    """Write covariances (n, d, d) of variables (n,), each in its own frame, as an npz archive, atomically.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    buffer = io.BytesIO()
+    np.savez(buffer, ids=ids, covariance=covariance, frame=np.array("local"))
+    write_bytes(path, buffer.getvalue())
+
+
+def write_correlation(path: str, landmarks: IdArray, correlation: Array) -> None:
+    """Write the correlation matrix (3 + 2 k, 3 + 2 k) of a pose (x, y, theta) and k landmarks as an npz archive.
+
+    It holds ``correlation`` and ``names``, such as ``theta`` and ``17 x``, of its rows and columns.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be written.
+    """
+    names = ["x", "y", "theta", *(f"{landmark} {axis}" for landmark in landmarks.tolist() for axis in "xy")]
+    buffer = io.BytesIO()
+    np.savez(buffer, names=np.array(names), correlation=correlation)
+    write_bytes(path, buffer.getvalue())
 
 
 def _read_archive(path: str) -> Covariances:

@@ -35,7 +35,7 @@ def simulation_summary(
         rows.append(("outliers", f"{plural(false, 'edge')} on purpose"))
     rows += [
         ("noise", f"chi2 at the truth {chi2:.6f}, {chi2 / max(dimensions, 1):.4f} of {dimensions} dimensions"),
-        ("drift", _drift(gap)),
+        *([("drift", _drift(gap))] if scenario.guess != "none" else []),  # one vertex is no path
         *(("note", note) for note in simulation.notes),
         *((name, path) for name, path in files.items()),
         ("time", ", ".join(f"{name} {seconds(value)}" for name, value in time.items()) + f"; {memory:.0f} MB peak"),

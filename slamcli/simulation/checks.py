@@ -9,6 +9,11 @@ from slamcli.formats.configuration import suggestion
 from slamcli.simulation.scenario import CLOSURE_SOURCES, GUESSES, MOTIONS, PLANAR_SENSORS, SPATIAL_SENSORS, Scenario
 from slamcli.simulation.worlds import WORLDS
 
+#: Steps, rooms or rings that a world may be wide, and metres: what is larger does not fit into memory, or into numbers.
+_MOST_STEPS, _FARTHEST = 1_000_000, 1e9
+_MOST_POINTS = 10_000_000
+_MOST_DECIMALS = 17
+
 
 def check(scenario: Scenario, source: str) -> None:
     """Refuse what cannot be simulated.
@@ -27,15 +32,25 @@ def _check_world(scenario: Scenario, source: str) -> None:
     if scenario.world not in WORLDS:
         hint = suggestion(scenario.world, WORLDS, "worlds")
         raise UsageError(f"{source}: there is no world {scenario.world!r}", (hint,))
-    parameters = list(inspect.signature(WORLDS[scenario.world]).parameters)[2:]
+    parameters = dict(list(inspect.signature(WORLDS[scenario.world]).parameters.items())[2:])
     for name, value in scenario.path.items():
         if name not in parameters:
             hint = suggestion(name, parameters)
             raise UsageError(f"{source}: unknown key 'path.{name}' of the world {scenario.world}", (hint,))
-        if value is None or isinstance(value, (str, bool)) or not value > 0:
-            raise UsageError(f"{source}: path.{name} must be positive, found {value!r}")
-    if not 2 <= scenario.poses <= 10_000_000:
-        raise UsageError(f"{source}: poses must be from 2 to 10000000, found {scenario.poses}")
+        whole = parameters[name].annotation == "int"
+        if whole and value != int(value):
+            raise UsageError(f"{source}: path.{name} must be a whole number, found {value!r}")
+        most = 1 if name == "turning" else _MOST_STEPS if whole else _FARTHEST
+        if not 0 < value <= most:
+            raise UsageError(f"{source}: path.{name} must be positive and at most {most:g}, found {value!r}")
+    if not 2 <= scenario.poses <= _MOST_POINTS:
+        raise UsageError(f"{source}: poses must be from 2 to {_MOST_POINTS}, found {scenario.poses}")
+    if not 0 <= (scenario.landmarks.count or 0) <= _MOST_POINTS:
+        raise UsageError(
+            f"{source}: landmarks.count must be from 0 to {_MOST_POINTS}, found {scenario.landmarks.count}"
+        )
+    if not 0 <= (scenario.decimals or 0) <= _MOST_DECIMALS:
+        raise UsageError(f"{source}: decimals must be from 0 to {_MOST_DECIMALS}, found {scenario.decimals}")
 
 
 def _check_choices(scenario: Scenario, source: str) -> None:
@@ -63,8 +78,7 @@ def _check_numbers(scenario: Scenario, source: str) -> None:
     least = [("robot.slip", robot.slip), ("robot.sideways", robot.sideways), ("closures.false", closures.false)]
     least += [("robot.ticks_per_metre", robot.ticks_per_metre), ("landmarks.density", landmarks.density)]
     least += [(f"robot.alphas.{k}", alpha) for k, alpha in enumerate(robot.alphas)]
-    least += [(n, v) for n, v in (("landmarks.count", landmarks.count), ("closures.count", closures.count)) if v]
-    least += [("seed", scenario.seed), ("decimals", scenario.decimals or 0)]
+    least += [("closures.count", closures.count or 0), ("seed", scenario.seed)]
     if closures.reach is not None:
         positive.append(("closures.reach", closures.reach))
     for k, sensor in enumerate(scenario.sensors):

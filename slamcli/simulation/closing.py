@@ -17,6 +17,8 @@ from slamcli.simulation.robots import relative_covariance, relative_poses, spoil
 from slamcli.simulation.scenario import Closures
 from slamcli.simulation.worlds import Path
 
+_MOST_FALSE = 10_000_000
+
 
 @dataclass(frozen=True, eq=False)
 class LoopClosures:
@@ -46,7 +48,7 @@ def close_loops(path: Path, options: Closures, robot_noise: object, rng: np.rand
     Raises
     ------
     UsageError
-        If more are wanted than there are.
+        If more are wanted than there are, or more false ones than fit into memory.
     """
     noise_of = robot_noise if options.noise is None else options.noise
     noise = Noise(relative_covariance(noise_of, path.space, "closures.noise"), options.tails)
@@ -55,6 +57,8 @@ def close_loops(path: Path, options: Closures, robot_noise: object, rng: np.rand
     measured = spoiled(exact, noise.draw(rng, len(pairs))) if len(pairs) else exact
     false = np.zeros(len(pairs), dtype=bool)
     wrong = round(options.false * len(pairs))
+    if wrong > _MOST_FALSE:
+        raise UsageError(f"closures.false: {options.false:g} of {len(pairs)} true closures are more than {_MOST_FALSE}")
     if wrong:
         others = _random_pairs(len(path.poses), wrong, options.gap, rng)
         nowhere = _near_each_other(path.space, wrong, rng)

@@ -69,7 +69,7 @@ class _Places:
         both = np.unique(rows[later] * count + earlier)  # the same one may be picked twice
         pairs = np.stack([both % count, both // count], axis=1)
         difference = portable(self.positions[pairs[:, 0]]) - self.positions[pairs[:, 1]]
-        return pairs[sum(np.square(difference[:, k]) for k in range(difference.shape[1])) <= self.reach**2]
+        return pairs[sum(np.square(difference[:, k]) for k in range(difference.shape[1])) <= self.reach * self.reach]
 
     def _earlier(self, rows: IndexArray, gap: int) -> tuple[IndexArray, IndexArray]:
         """Where in ``stamp`` the poses of the cells around begin (r, cells), and how many of them are early enough."""

@@ -20,6 +20,8 @@ from slamcli.simulation.worlds import Path
 
 #: Standard deviations of a robot that nothing is said about: metres, radians.
 DEFAULT_NOISE = (0.05, 0.01)
+#: Deviation or covariance: what is larger has no square.
+_LARGEST = 1e100
 DEFAULT_ALPHAS = {
     "odometry": (0.01, 0.0004, 0.002, 0.0004),
     "velocity": (0.002, 0.0004, 0.0004, 0.0004, 0.0004, 0.0004),
@@ -103,6 +105,8 @@ def numbers_of(value: Any, source: str) -> Array:
 
 def covariance_of(given: Array, dimension: int, source: str) -> Array:
     """Covariance (d, d) of standard deviations (one for all, or d) or of a matrix."""
+    if not (np.abs(given) <= _LARGEST).all():
+        raise UsageError(f"{source}: expected numbers of at most {_LARGEST:g}")
     if given.ndim == 0:
         given = np.full(dimension, float(given))
     if given.shape == (dimension,) and (given >= 0.0).all():

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from slamcli import models
+from slamcli.errors import UsageError
 from slamcli.geometry import se2, se3, so2
 from slamcli.graph.columns import BoolArray, IndexArray
 from slamcli.models import FactorKind, range_bearing
@@ -19,6 +20,8 @@ from slamcli.simulation.scenario import Landmarks, Sensor
 from slamcli.simulation.worlds import Path
 
 _CHUNK = 20_000  # poses that look for landmarks at a time
+_DRAWN_AT_ONCE = 500_000  # landmarks, of which those near the path are kept
+_MOST_DRAWN = 1e9
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,16 +76,31 @@ _MODELS: dict[str, _Model] = {
 
 
 def scatter(path: Path, options: Landmarks, reach: float, rng: np.random.Generator) -> Array:
-    """Landmarks (k, space), uniform over what a sensor of some reach can see from the path."""
+    """Landmarks (k, space), uniform over what a sensor of some reach can see from the path.
+
+    Raises
+    ------
+    UsageError
+        If a density wants more points than can be drawn.
+    """
     positions = np.asarray(path.positions)
     low, high = positions.min(axis=0) - reach, positions.max(axis=0) + reach
     volume = float(np.prod(high - low))
     wanted = options.count
+    if not options.density * volume <= _MOST_DRAWN:
+        raise UsageError(
+            f"landmarks.density: {options.density * volume:.3g} points would lie in the box around the path",
+            (f"  more than {_MOST_DRAWN:g} take too long; landmarks.count or a smaller world makes fewer",),
+        )
     drawn = round(options.density * volume) if wanted is None else max(4 * wanted, 16)
     kept = np.empty((0, path.space))
     while True:
-        points = low + (high - low) * rng.random((drawn, path.space))
-        kept = np.concatenate([kept, points[_near(positions, points, reach)]])
+        parts = [kept]
+        for begin in range(0, drawn, _DRAWN_AT_ONCE):
+            count = min(_DRAWN_AT_ONCE, drawn - begin)
+            points = low + (high - low) * rng.random((count, path.space))
+            parts.append(points[_near(positions, points, reach)])
+        kept = np.concatenate(parts)
         if wanted is None or len(kept) >= wanted:
             return portable(kept[:wanted])
         drawn = min(4 * drawn, 1_000_000)
@@ -165,23 +183,29 @@ def _near(positions: Array, points: Array, reach: float) -> BoolArray:
     """Which points some position can reach."""
     from scipy.spatial import cKDTree
 
-    closest = cKDTree(positions).query(points)[1]
-    difference = portable(points) - positions[closest]
-    return np.asarray(sum(np.square(difference[:, k]) for k in range(points.shape[1])) <= reach * reach)
+    # a little more than the reach: the exact test below must not depend on the tree's arithmetic
+    closest = cKDTree(positions).query(points, distance_upper_bound=reach * (1.0 + 1e-9))[1]
+    found = np.flatnonzero(closest < len(positions))
+    difference = portable(points[found]) - positions[closest[found]]
+    near = np.zeros(len(points), dtype=bool)
+    near[found] = sum(np.square(difference[:, k]) for k in range(points.shape[1])) <= reach * reach
+    return near
 
 
 def _anywhere_in_view(space: int, sensor: Sensor, count: int, rng: np.random.Generator) -> Array:
     """Points uniform in the view of a sensor, in its frame."""
-    kept = np.empty((0, space))
-    half = portable([0.5 * min(sensor.field_of_view, 2.0 * np.pi)])
-    while len(kept) < count:
-        points = portable(sensor.range * (2.0 * rng.random((4 * count, space)) - 1.0))
-        distance = np.sqrt(sum(np.square(points[:, k]) for k in range(space)))
-        inside = (distance <= sensor.range) & (distance > 1e-6)
-        if sensor.field_of_view < 2.0 * np.pi:
-            inside = inside & (points[:, 0] >= distance * np.cos(half))
-        kept = np.concatenate([kept, np.asarray(points)[np.asarray(inside)]])
-    return portable(kept[:count])
+    half = 0.5 * min(sensor.field_of_view, 2.0 * np.pi)
+    # the largest of d uniform numbers is distributed as the distance in a ball of d dimensions
+    distance = portable(sensor.range * rng.random((count, space)).max(axis=1))
+    turn = portable(np.pi * (2.0 * rng.random(count) - 1.0))
+    if space == 2:
+        turn = turn * (half / np.pi)
+        return portable(np.stack([distance * np.cos(turn), distance * np.sin(turn)], axis=1))
+    # on a sphere, the height along the axis is uniform (Archimedes): 1 - cos from 0 to 2 sin^2(half / 2)
+    sine = np.sin(portable([0.5 * half]))
+    drop = rng.random(count) * (2.0 * sine * sine)
+    aside = distance * np.sqrt(drop * (2.0 - drop))
+    return portable(np.stack([distance * (1.0 - drop), aside * np.cos(turn), aside * np.sin(turn)], axis=1))
 
 
 def _wrapped(kind: FactorKind, reading: Array) -> Array:

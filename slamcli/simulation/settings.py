@@ -49,7 +49,7 @@ def sweep_of(
     values = [value.strip() for value in text.split(",") if value.strip()]
     if not equals or not key or not values:
         raise UsageError(f"--sweep needs key=value,value,..., got {sweep!r}", ("  such as robot.slip=0,0.01,0.02",))
-    first = content.get("seed") or 0
+    first = scenario_of(content, source).seed
     out: list[tuple[object, list[Scenario]]] = []
     for value in values:
         changed = copy.deepcopy(content)
@@ -105,7 +105,7 @@ def assign(content: dict[str, Any], setting: str) -> None:
 
 
 def _item(items: list[Any], name: str, setting: str) -> Any:
-    if not name.isdigit() or int(name) > len(items):
+    if not name.isdecimal() or int(name) > len(items):
         raise UsageError(f"--set {setting}: expected a number up to {len(items)} for the sensor, found {name!r}")
     if int(name) == len(items):
         items.append({})
@@ -144,7 +144,8 @@ def _value(value: Any, kind: str, source: str, label: str) -> Any:
         return tuple(_number(item, source, f"{label}.{k}") for k, item in enumerate(items))
     if kind.startswith("dict"):
         if value is None or isinstance(value, dict):
-            return {str(k).replace("-", "_"): v for k, v in (value or {}).items()}
+            numbers = {str(k).replace("-", "_"): v for k, v in (value or {}).items()}
+            return {name: _exact(_number(v, source, f"{label}.{name}")) for name, v in numbers.items()}
         raise UsageError(f"{source}: {label} needs options with values, found {value!r}")
     if kind.startswith("str"):
         if isinstance(value, str):
@@ -158,12 +159,20 @@ def _value(value: Any, kind: str, source: str, label: str) -> Any:
     return number
 
 
+def _exact(number: float) -> float:
+    """Whole numbers as such, so that 1e3 counts as well as 1000."""
+    return int(number) if number == int(number) else number
+
+
 def _number(value: Any, source: str, label: str) -> float:
     if isinstance(value, str):
         try:
-            return parse_numbers(value)[0] if "," not in value else float("nan")
+            numbers = parse_numbers(value)
         except ValueError as error:
             raise UsageError(f"{source}: {label}: {error}") from None
+        if len(numbers) > 1:
+            raise UsageError(f"{source}: {label} must be one number, found {value!r}")
+        return numbers[0]
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) < 1e300:
         raise UsageError(f"{source}: {label} must be a finite number, found {value!r}")
     return value

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from slamcli.errors import UsageError
 from slamcli.formats.g2o import G2O
 from slamcli.graph import FactorGraph, Factors, Variables
 from slamcli.graph.columns import BoolArray, IndexArray
@@ -76,8 +77,23 @@ def simulate(scenario: Scenario) -> Simulation:
     Raises
     ------
     UsageError
-        If the scenario asks for what its world cannot give.
+        If the scenario asks for what its world cannot give, or for more than numbers can hold.
     """
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        simulation = _simulation(scenario)
+    columns = [column.values for column in simulation.graph.variables.values()]
+    for factors in simulation.graph.factors:
+        columns += [factors.measurements, factors.information]
+    if not all(np.isfinite(numbers).all() for numbers in columns):
+        raise UsageError(
+            "the numbers of this scenario are beyond the range of numbers",
+            ("  a smaller noise, smaller robot.alphas or a longer robot.period keep them finite",),
+        )
+    return simulation
+
+
+def _simulation(scenario: Scenario) -> Simulation:
+    """See ``simulate``."""
     streams = [np.random.Generator(np.random.PCG64(s)) for s in np.random.SeedSequence(scenario.seed).spawn(4)]
     sensors, notes = _sensors(scenario)
     sensor_streams = np.random.SeedSequence((scenario.seed, 1)).spawn(len(sensors))

@@ -26,6 +26,18 @@ EDGES = "".join(line for line in LINE.splitlines(keepends=True) if line.startswi
 UNPLACED = "".join(f"{line}\n" for line in LINE.splitlines() if line.startswith("EDGE"))
 TRACE = '{"event": "start", "chi2": 9.0}\n{"event": "iteration", "chi2": 1.0, "time": 0.1}\n'
 ERRORS = "estimate,id,time_s,distance_m,translation_error_m,rotation_error_deg\na,0,,0.0,0.5,1.0\na,1,,1.0,0.7,1.0\n"
+#: A landmark that three poses on a line see.
+SEEN = """\
+VERTEX_SE2 0 0 0 0
+VERTEX_SE2 1 1 0 0
+VERTEX_SE2 2 2 0 0
+VERTEX_XY 7 2 1
+EDGE_SE2 0 1 1 0 0 100 0 0 100 0 400
+EDGE_SE2 1 2 1 0 0 100 0 0 100 0 400
+EDGE_SE2_XY 0 7 2 1 100 0 100
+EDGE_SE2_XY 1 7 1 1 100 0 100
+EDGE_SE2_XY 2 7 0 1 100 0 100
+"""
 CONFIG = "method: lm\nmax-iterations: 3\nfix: [1]\n"
 
 
@@ -101,7 +113,10 @@ CASES = (
     Case("optimize {in} --color auto", 0, out="converged:"),
     # optimize: methods and options
     *(Case(f"optimize {{in}} --method {method}", 0, out="-> 0.053333") for method in ("gn", "lm", "dogleg")),
-    *(Case(f"optimize {{in}} --init {init}", 0, out="-> 0.053333") for init in ("file", "odometry", "spanning-tree")),
+    *(
+        Case(f"optimize {{in}} --init {init}", 0, out="-> 0.053333")
+        for init in ("file", "odometry", "spanning-tree", "chordal")
+    ),
     *(Case(f"optimize {{in}} --ordering {name}", 0, out=f"ordering {name}") for name in ("amd", "natural")),
     *(Case(f"optimize {{in}} --linear-solver {name}", 0, out="-> 0.053333") for name in ("cholmod", "superlu")),
     *(Case(f"optimize {{in}} --method lm --scaling {name}", 0, out="-> 0.053333") for name in ("none", "marquardt")),
@@ -154,6 +169,78 @@ CASES = (
     Case("optimize {in} --method lm", 0, out="converged", content=SINGULAR),
     Case("optimize {in} -o {out}", 5, err=("EDGE_SE2 0 2 (line 6)", "nothing is written to {out}"), content=INDEFINITE),
     Case("optimize {in}", 5, err="no edge that determines one: 77", content=SINGULAR.replace("VERTEX_XY 77 5 5\n", "")),
+    # compare
+    Case("compare {in}", 0, out=("dead reckoning", "filter", "smoother", "no loop closure"), content=SEEN),
+    Case("compare {in} --truth {in} --align origin", 0, out=("ATE m", "landmarks m", "NEES"), content=SEEN),
+    Case("compare {in} --truth {in} --align se", 0, out="alignment  se:", content=SEEN),
+    Case("compare {in} --json", 0, out=('"command": "compare"', '"closure": null'), content=SEEN),
+    Case("compare {in} --closure 2", 0, out="loop closure at pose 2 (step 2): 1 reading", content=SEEN),
+    Case("compare {in} --closure 2 --corrections -", 0, out="id,filter_m,smoother_m\n0,0.0,0.0", content=SEEN),
+    Case("compare {in} --corrections nowhere.csv", 0, err="nothing is written to nowhere.csv", content=SEEN),
+    Case("compare {in} -o picture.svg --dpi 50 --jacobians first-estimates", 0, out="differ by", content=SEEN),
+    Case("compare circle --set poses=20 --set landmarks.count=5 --closure largest", 0, out="circle, seed 0: 20 steps"),
+    Case("compare --scaling 30,40", 0, out=("N to the power", "nnz(L)")),
+    Case("compare --scaling 30,40 --json", 0, out=('"scaling"', '"exponent"')),
+    Case("compare --scaling 30", 2, err="at least two numbers of landmarks"),
+    Case("compare --scaling many", 2, err="numbers of landmarks between commas"),
+    Case("compare {in} --scaling 30,40", 2, err="takes no INPUT"),
+    Case("compare --scaling 30,40 --truth {in}", 2, err="--truth has no meaning with --scaling"),
+    Case("compare {in} --closure 9", 2, err="no pose has the id 9", content=SEEN),
+    Case("compare {in} --closure best", 2, err="expected last, largest or the id of a pose", content=SEEN),
+    Case("compare {in} -o picture.bmp", 2, err=".png, .svg or .pdf", content=SEEN),
+    Case("compare {in} --corrections - --json", 2, err="both want standard output", content=SEEN),
+    Case(
+        "compare {in} --sensor-range 0.1",
+        3,
+        err=("no reading was taken for a landmark", "out-of-range 3"),
+        content=SEEN,
+    ),
+    Case("compare {in}", 3, err="no reading of a landmark"),
+    Case("compare nowhere.g2o", 3, err="nowhere.g2o: cannot be read"),
+    Case("compare", 2, err="compare needs an INPUT, or --scaling"),
+    Case("compare --help", 0, out=("Usage: slamcli compare", "--scaling", "Exit codes")),
+    # ekf
+    Case("ekf {in}", 0, out=("2 predictions", "1 landmark", "NIS", "association"), content=SEEN),
+    Case("ekf -", 0, out="1 landmark", content=SEEN),
+    Case("ekf {in} -q -o -", 0, out="VERTEX_XY 7 ", content=SEEN),
+    Case("ekf {in} -o {out}", 0, out="{out}", content=SEEN),
+    Case("ekf {in} --trajectory - -q", 0, out="2 2 0 0 0 0 0 1", content=SEEN),
+    Case("ekf {in} --trace - -q", 0, out='"event": "step", "step": 2', content=SEEN),
+    Case("ekf {in} --covariances {out} -q", 0, content=SEEN),
+    Case("ekf {in} --landmark-covariances {out} -q", 0, content=SEEN),
+    Case("ekf {in} --correlation {out} -q", 0, content=SEEN),
+    Case("ekf {in} --json", 0, out=('"command": "ekf"', '"predictions": 2'), content=SEEN),
+    Case("ekf {in} --truth {in}", 0, out=("ATE", "map error"), content=SEEN),
+    Case("ekf {in} --dialect g2o --lenient", 0, out="1 landmark", content=SEEN),
+    Case("ekf {in} --association nearest --gate 0.95 --new-gate 0.999", 0, out="made", content=SEEN),
+    Case("ekf {in} --association jcbb", 0, out="made", content=SEEN),
+    Case("ekf {in} --reject-outliers", 0, out="used", content=SEEN),
+    Case("ekf {in} --form joseph --jacobians first-estimates", 0, out="NIS", content=SEEN),
+    Case("ekf {in} --compressed --area-radius 5", 0, out="NIS", content=SEEN),
+    Case("ekf {in} --start-noise 0.1,0.1,1deg --sensor-range 50", 0, out="NIS", content=SEEN),
+    Case("ekf {in} --sensor-range 0.5", 0, out="out-of-range 3", content=SEEN),
+    Case("ekf {in} --sensor-range -1", 2, err="sensor_range must be positive", content=SEEN),
+    Case("ekf {in} --noise laser=1", 2, err=("--noise needs SENSOR=deviations", "range-bearing"), content=SEEN),
+    Case("ekf {in} --noise xy=1", 2, err=("--noise xy", "2 numbers"), content=SEEN),
+    Case("ekf {in} --motion-noise 1,2", 2, err=("--motion-noise of a body robot", "3 numbers"), content=SEEN),
+    Case("ekf {in} --motion-noise 1,2,1deg --noise xy=1,1", 0, out="NIS", content=SEEN),
+    Case("ekf {in} --gate 1", 2, err="--gate", content=SEEN),
+    Case("ekf {in} --robot 1", 2, err="robot", content=SEEN),
+    Case("ekf {in}", 3, err="no reading of a landmark"),
+    Case("ekf {in}", 3, err="{in}", content="hello world\n"),
+    Case("ekf nowhere.g2o", 3, err="nowhere.g2o: cannot be read"),
+    Case("ekf {in} --set poses=3", 2, err="INPUT is a log", content=SEEN),
+    Case("ekf circle --set poses=20 --set landmarks.count=5", 0, out=("circle, seed 0: 20 steps", "NEES")),
+    Case("ekf circle --set poses=20", 0, out="0 landmarks"),
+    Case("ekf torus --set poses=20", 3, err="planar"),
+    Case("ekf circle --truth {in}", 2, err="INPUT is a scenario"),
+    Case("ekf circle --runs 2 --jobs 1 --set poses=20 --set landmarks.count=5", 0, out=("2 runs", "95 % band")),
+    Case("ekf circle --runs 2 --json --set poses=20 --set landmarks.count=5", 0, out='"nees_mean"'),
+    Case("ekf {in} --runs 2", 2, err="--runs simulates a scenario", content=SEEN),
+    Case("ekf circle --runs 2 -o {out}", 2, err="writes no file"),
+    Case("ekf {in} -o - --json", 2, err="both want standard output", content=SEEN),
+    Case("ekf", 2, err="INPUT"),
+    Case("ekf --help", 0, out=("Usage: slamcli ekf", "--association", "Exit codes")),
     # evaluate
     Case("evaluate {in} --truth {in}", 0, out=("3 by id", "se: rotation and translation", "ATE translation (m)")),
     Case("evaluate {in} - --truth {in}", 0, out=("graph.g2o", "RPE rotation (deg) over 1 frame", "median")),
@@ -200,6 +287,7 @@ CASES = (
     Case("evaluate {in} --truth {in} -o {out}", 0, out="ATE"),
     Case("evaluate {in} --truth {in} --errors -", 0, out="estimate,id,time_s,distance_m,x_m", err="ATE"),
     Case("evaluate {in} --truth {in} -o - --json", 2, err="both want standard output"),
+    Case("evaluate {in} --truth {in} -o {in}", 2, err="--errors {in} is an input and would be overwritten"),
     Case("evaluate {in} --truth {in} -o folder/", 2, err="needs the name of a file"),
     Case("evaluate {in} -o {out}", 2, err="--errors needs --truth"),
     Case("evaluate {in} --truth {in} -o nowhere/out.csv", 3, err="nowhere/out.csv: cannot be written"),
@@ -289,6 +377,7 @@ CASES = (
     Case("plot {in} -o map.png --align se", 2, err="--align needs --truth"),
     Case("plot {in} -o map.png --names a,b", 2, err="--names has 2 names for 1 INPUT"),
     Case("plot {in} -o map.png --size 4", 2, err="--size 4: expected width and height"),
+    Case("plot {in} -o map.png --size 50,50 --dpi 1200", 2, err="60000 x 60000 pixels"),
     Case("plot {in} -o map.png --size nan,1", 2, err="--size nan,1"),
     Case("plot {in} -o map.png --dpi 0", 2, err="--dpi"),
     Case("plot {in} -o map.png -x time", 2, err=("--x-axis has no meaning here", "a graph or a trajectory")),
@@ -343,6 +432,8 @@ CASES = (
     Case("simulate square --poses 9 --sweep robot.noise=0,1 --runs 2 --json", 0, out=('"sweep": "robot.noise"',)),
     Case("simulate square --sweep robot.slip", 2, err="--sweep needs key=value"),
     Case("simulate square --sweep poses=3 -o {out}", 2, err="writes no file"),
+    Case("simulate square -o x.tum", 2, err=("x.tum", "as g2o or TORO")),
+    Case("simulate {config}", 2, err="the key poses stands twice", config="poses: 3\nposes: 4\n"),
     Case("simulate square --runs 0", 2, err="0"),
     Case("simulate squar", 2, err=("no world and no file 'squar'", "did you mean square?")),
     Case("simulate nowhere.yaml", 2, err="nowhere.yaml: cannot be read"),
@@ -352,6 +443,7 @@ CASES = (
     Case("simulate square --set poses", 2, err="--set needs key=value"),
     Case("simulate square -o {out} --truth {out}", 2, err="name the same file"),
     Case("simulate square -o - --json", 2, err="both want standard output"),
+    Case("simulate {config} --log {config}", 2, err="--log {config} is an input", config="world: square\n"),
     Case("simulate square --poses 9 -o nowhere/x.g2o", 3, err="nowhere/x.g2o: cannot be written"),
     Case("simulate", 2, err="SOURCE"),
     Case("simulate --help", 0, out=("Usage: slamcli simulate", "Worlds:", "Exit codes")),

@@ -235,3 +235,12 @@ def test_colour_on_a_terminal(variables: dict[str, str], coloured: bool) -> None
     assert process.returncode == 0
     assert (b"\x1b[32mconverged" in found) == coloured
     assert b"gradient" in found  # on a terminal the iterations are shown
+
+
+def test_too_little_memory_is_said_without_a_traceback(monkeypatch, capsys):
+    def hungry(*_args, **_more):
+        raise MemoryError
+
+    monkeypatch.setattr("slamcli.simulation.simulate.simulate", hungry)
+    assert main(["simulate", "square"]) == 5
+    assert capsys.readouterr().err.startswith("error: out of memory\n")

@@ -25,7 +25,7 @@ SHELL = [
 ]
 BASH = shutil.which("bash")
 #: Keys whose value is a table by tag or by kind: its keys are data.
-_TABLES = {"by_tag", "skipped", "created", "scenario"}
+_TABLES = {"by_tag", "skipped", "created", "scenario", "readings_by_kind"}
 
 
 @pytest.fixture
@@ -91,6 +91,11 @@ def test_every_tag_is_listed(name):
         "optimize datasets/manhattan_small.g2o --quiet --trace -",
         "simulate circle --poses 30 --set landmarks.count=5 --json",
         "simulate square --poses 41 --set landmarks.count=5 --sweep robot.turn_bias=0,0.01 --runs 2 --json",
+        "ekf circle --set poses=30 --set landmarks.count=5 --json",
+        "ekf datasets/landmarks_small.g2o --truth datasets/truth/landmarks_small.g2o --trace - --quiet",
+        "ekf circle --set poses=30 --set landmarks.count=5 --runs 2 --json",
+        "compare datasets/landmarks_small.g2o --truth datasets/truth/landmarks_small.g2o --json",
+        "compare --scaling 30,40,50 --json",
         "inject datasets/manhattan_small.g2o -o x.g2o --false-closures 5 --corrupt-odometry 2 --perturb 0.1 --json",
         "evaluate datasets/landmarks_small.g2o --truth datasets/truth/landmarks_small.g2o --dead-reckoning --json",
         "predict --pose 2,1,30deg --landmark 5,5 --reading 5.2,21deg --noise 0.1,2deg --json",

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from noisy_paths import moved, planar, spatial
 
-from slamcli.errors import NumericalError, UsageError
+from slamcli.errors import InputError, NumericalError, UsageError
 from slamcli.evaluation import EvaluateOptions, evaluate
 from slamcli.evaluation.alignment import align, umeyama
 from slamcli.evaluation.errors import relative_pairs, statistics
@@ -216,3 +216,9 @@ def test_planar_and_spatial_poses_can_be_compared() -> None:
     assert flat is not None and mixed is not None
     assert mixed["translation"].rmse == pytest.approx(flat["translation"].rmse, rel=1e-12)
     assert mixed["rotation"].rmse == pytest.approx(flat["rotation"].rmse, rel=1e-9)
+
+
+def test_positions_whose_squares_overflow_are_refused() -> None:
+    path = Trajectory(SE2, np.array([[0.0, 0.0, 0.0], [2e200, 0.0, 0.0]]), ids=np.arange(2), source="far.g2o")
+    with pytest.raises(InputError, match=r"far\.g2o: a position is 2e\+200 m"):
+        evaluate([path], path)

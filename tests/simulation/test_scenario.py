@@ -18,6 +18,14 @@ REFUSED = {
     "a fraction for a count": ({"poses": 2.5}, "whole number"),
     "one pose": ({"poses": 1}, "from 2 to"),
     "a negative length": ({"path": {"spacing": -1}}, "path.spacing must be positive"),
+    "a length without end": ({"path": {"half": float("inf")}}, "path.half must be a finite number"),
+    "a length that is a list": ({"path": {"spacing": [1]}}, "path.spacing must be a finite number"),
+    "half a lap": ({"world": "square", "path": {"laps": 0.5}}, "path.laps must be a whole number"),
+    "more rooms than fit": ({"world": "corridor", "path": {"rooms": 10**9}}, "at most 1e+06"),
+    "turning too often": ({"path": {"turning": 2}}, "path.turning must be positive and at most 1"),
+    "two numbers for one": ({"robot": {"turn_bias": "1,2"}}, "robot.turn_bias must be one number"),
+    "digits that no double has": ({"decimals": 400}, "decimals must be from 0 to 17"),
+    "landmarks without end": ({"landmarks": {"count": 10**9}}, "landmarks.count must be from 0 to"),
     "a spatial sensor in a plane": ({"sensors": [{"kind": "point"}]}, "in a planar world: xy"),
     "a planar sensor in space": ({"world": "grid", "sensors": [{"kind": "xy"}]}, "in a spatial world: point"),
     "a planar robot in space": ({"world": "grid", "robot": {"model": "velocity"}}, "robot.model"),
@@ -35,6 +43,10 @@ REFUSED_LATER = {
     "too few deviations": ({"robot": {"noise": [1, 2, 3, 4]}}, "expected 3 standard deviations"),
     "a matrix that is not symmetric": ({"robot": {"noise": [[1, 1, 0], [0, 1, 0], [0, 0, 1]]}}, "symmetric"),
     "an indefinite matrix": ({"robot": {"noise": [[1, 2, 0], [2, 1, 0], [0, 0, 1]]}}, "semidefinite"),
+    "noise without a square": ({"robot": {"noise": 1e200}}, "at most 1e+100"),
+    "alphas without a square": ({"robot": {"model": "odometry", "alphas": [1e200] * 4}}, "beyond the range"),
+    "landmarks everywhere": ({"landmarks": {"density": 1e9}}, "landmarks.density"),
+    "false closures everywhere": ({"closures": {"false": 1e9, "gap": 2}}, "closures.false"),
     "noise that is a word": ({"robot": {"noise": "loud"}}, "robot.noise"),
     "a negative deviation": ({"sensors": [{"kind": "gps", "noise": [-1, 1]}]}, "sensors.0.noise"),
     "more closures than there are": ({"world": "circle", "closures": {"count": 9999}}, "only"),
@@ -87,7 +99,9 @@ def test_settings_reach_every_level():
     assert scenario.path == {"half": 3}
 
 
-@pytest.mark.parametrize("setting", ["poses", "=3", "poses.x=3", "sensors.3.kind=xy", "robot=[", "sensors.x=1"])
+@pytest.mark.parametrize(
+    "setting", ["poses", "=3", "poses.x=3", "sensors.3.kind=xy", "robot=[", "sensors.x=1", "sensors.²=1"]
+)
 def test_settings_that_are_none(setting):
     content = {"poses": 3, "sensors": [{"kind": "xy"}]}
     with pytest.raises(UsageError) as error:
@@ -117,3 +131,20 @@ def test_files_that_are_no_configuration(tmp_path, text):
     path.write_text(text)
     with pytest.raises(UsageError, match=r"x\.yaml"):
         load_scenario(str(path))
+
+
+def test_numbers_of_a_path_may_have_units_and_exponents():
+    written = scenario_of({"world": "sphere", "path": {"radius": "200cm", "per_ring": "1e1"}}, "x")
+    assert written.path == {"radius": 2, "per_ring": 10}
+    assert len(simulate(scenario_of({"world": "city", "poses": 20, "path": {"spacing": "1e-6"}}, "x")).truth.variables)
+
+
+def test_a_sweep_refuses_a_seed_that_is_a_word():
+    with pytest.raises(UsageError, match="seed"):
+        sweep_of({"world": "square", "seed": "abc"}, "robot.slip=0,1", 2, "x")
+
+
+def test_a_reach_beyond_the_world_closes_every_pair():
+    closures = {"by": "place", "reach": 1e200, "gap": 2, "probability": 1, "per_pose": 30}
+    simulation = simulate(scenario_of({"world": "circle", "poses": 12, "closures": closures}, "x"))
+    assert len(simulation.closures.pairs) == 11 * 10 // 2

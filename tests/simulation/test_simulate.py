@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 import slamcli
+from slamcli.cli.main import main
 from slamcli.evaluation.drift import dead_reckoning, gap
 from slamcli.evaluation.drift_sweep import drift_sweep
 from slamcli.formats import render
+from slamcli.formats.labels import read_labels
 from slamcli.graph.trajectory import of_graph
 from slamcli.simulation.guess import integrate
 from slamcli.simulation.record import log_blocks
@@ -151,6 +153,15 @@ def test_the_log_is_the_graph_in_the_order_of_time():
     assert blocks["gps"].others is None
 
 
+def test_a_sweep_is_of_dead_reckoning_whatever_the_guess_is():
+    content = {"world": "square", "poses": 41, "landmarks": {"density": 0.1}}
+    measured, guessed = (
+        drift_sweep(sweep_of(content | {"guess": guess}, "robot.noise=0.05", 2, "test")[1], lambda: None)
+        for guess in ("odometry", "truth")
+    )
+    assert measured == guessed
+
+
 def test_zero_slip_has_no_gap_and_the_gap_grows_with_slip():
     # lesson, row 0
     content = {"world": "square", "poses": 201, "robot": {"model": "differential"}, "decimals": None}
@@ -174,3 +185,11 @@ def test_gap_of_the_guess_against_a_hand_worked_one():
     assert measured.translation == pytest.approx(0.0, abs=1e-12)
     assert measured.closing_distance == pytest.approx(0.0, abs=1e-12)
     assert measured.path_length == pytest.approx(40.0)
+
+
+def test_labels_are_of_the_edges_that_the_file_holds(tmp_path):
+    toro, labels = str(tmp_path / "x.graph"), str(tmp_path / "l.csv")
+    words = ["simulate", "square", "--poses", "41", "--set", "landmarks.count=5", "-o", toro, "--labels", labels, "-q"]
+    assert main(words) == 0
+    graph = slamcli.read(toro)
+    assert len(read_labels(labels).edge) == graph.edges > 0

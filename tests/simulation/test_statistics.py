@@ -6,6 +6,8 @@ import pytest
 import slamcli
 from slamcli.evaluation.consistency import chi2_band
 from slamcli.geometry import se2
+from slamcli.simulation.scenario import Sensor
+from slamcli.simulation.sensing import _anywhere_in_view
 from slamcli.simulation.settings import scenario_of
 from slamcli.simulation.simulate import simulate
 
@@ -132,3 +134,20 @@ def test_detection_probability():
 
     everything = seen(1.0)
     assert abs(seen(0.3) - 0.3 * everything) < 4 * np.sqrt(0.21 * everything)
+
+
+@pytest.mark.parametrize(("space", "angle"), [(2, 7.0), (2, 0.5), (3, 7.0), (3, 2.0), (3, 1e-6)])
+def test_clutter_is_uniform_in_the_view(space, angle):
+    """The share of distances below half the range is 1/2^d; off the axis, areas grow as the angle or as 1 - cos."""
+    sensor = Sensor(kind="xy" if space == 2 else "point", range=6.0, field_of_view=angle)
+    points = np.asarray(_anywhere_in_view(space, sensor, 20_000, np.random.default_rng(3)))
+    distance = np.sqrt(np.square(points).sum(axis=1))
+    half = min(0.5 * angle, np.pi)
+    off = np.arctan2(np.sqrt(np.square(points[:, 1:]).sum(axis=1)), points[:, 0])
+    assert points.shape == (20_000, space)
+    assert distance.max() <= 6.0
+    assert off.max() <= half * (1.0 + 1e-9)
+    assert (distance < 3.0).mean() == pytest.approx(0.5**space, abs=0.012)
+    inner = 0.5 if space == 2 else (np.sin(0.25 * half) / np.sin(0.5 * half)) ** 2
+    assert (off < 0.5 * half).mean() == pytest.approx(inner, abs=0.012)
+    assert np.abs((points[:, 1:] > 0.0).mean(axis=0) - 0.5).max() < 0.012

@@ -109,3 +109,7 @@ def test_poses_of_the_sphere_lie_on_it():
 def test_poses_of_the_torus_lie_on_it():
     x, y, z = np.asarray(world("torus", 900, per_ring=30, minor=1.0, major=4.0).positions).T
     assert np.allclose((np.sqrt(x * x + y * y) - 4.0) ** 2 + z * z, 1.0)
+
+
+def test_a_grid_wider_than_its_path_takes_no_more_memory():
+    assert len(WORLDS["grid"](50, np.random.default_rng(0), side=100_000).neighbours) == 0

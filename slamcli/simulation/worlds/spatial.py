@@ -60,7 +60,7 @@ def grid(poses: int, rng: np.random.Generator, *, spacing: float = 1.0, side: in
     positions = portable(cell * spacing)
     ahead = np.diff(cell, axis=0, append=cell[-1:])
     heading = portable(np.arctan2(portable(ahead[:, 1]), portable(ahead[:, 0])))
-    index = np.full((side + 1, side + 1, level.max() + 2), -1)
+    index = np.full(cell.max(axis=0) + 2, -1)
     index[column, row, level] = number
     pairs = []
     for shift in ((1, 0, 0), (0, 1, 0), (0, 0, 1)):

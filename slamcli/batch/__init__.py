@@ -1,0 +1,1 @@
+"""Batch: several methods, files or sizes side by side."""

@@ -1,0 +1,51 @@
+"""What the filter estimated, as other commands want it: a graph of vertices, a trajectory."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from slamcli.filtering.result import EkfResult
+from slamcli.graph import FactorGraph, Variables
+from slamcli.graph.columns import IdArray
+from slamcli.graph.trajectory import Trajectory
+from slamcli.models import SE2, XY, VariableKind
+from slamcli.models.base import Array
+
+
+def estimated_graph(result: EkfResult) -> FactorGraph:
+    """The poses as they were estimated at their steps, and the landmarks at the end; no factors.
+
+    Landmarks have the ids of the log; those without one, and further ones with an id that is taken, get new ids.
+    """
+    variables = {SE2.name: _column(SE2, result.ids, result.poses)}
+    if len(result.landmarks):
+        variables[XY.name] = _column(XY, landmark_ids(result), result.landmarks.positions)
+    return FactorGraph(variables, [])
+
+
+def estimated_trajectory(result: EkfResult, source: str) -> Trajectory:
+    """The poses as they were estimated at their steps, with ids and time stamps, and the graph of the landmarks."""
+    return Trajectory(SE2, result.poses, result.ids, result.times, source, estimated_graph(result))
+
+
+def landmark_ids(result: EkfResult) -> IdArray:
+    """Unique ids (k,) of the landmarks; see ``estimated_graph``."""
+    ids = result.landmarks.ids.astype(np.int64)
+    first = np.zeros(len(ids), dtype=bool)
+    first[np.unique(ids, return_index=True)[1]] = True
+    unnamed = ~first | (ids < 0)
+    new = int(max(result.ids.max(initial=-1), ids.max(initial=-1))) + 1
+    ids[unnamed] = new + np.arange(np.count_nonzero(unnamed))
+    return ids
+
+
+def _column(kind: VariableKind, ids: IdArray, values: Array) -> Variables:
+    count = len(ids)
+    return Variables(
+        kind=kind,
+        ids=ids,
+        values=values,
+        fixed=np.zeros(count, dtype=bool),
+        known=np.ones(count, dtype=bool),
+        lines=np.zeros(count, dtype=np.intp),
+    )
