@@ -41,7 +41,7 @@ def displacements(log: SensorLog, options: EkfOptions) -> tuple[Array, Array]:
     if log.information is None and given is None:
         raise UsageError(
             f"{log.source or 'the log'} does not say how precise its odometry is",
-            (f"  give the noise of the motion model {log.model!r}",),
+            (f"  give the noise of the motion model {log.model!r} (--motion-noise)",),
         )
     model = MOTION_MODELS[log.model]() if given is None else given
     displacement = model.displacement(log.controls, intervals)

@@ -98,7 +98,10 @@ def _stream(entry: Observations, steps: int, options: EkfOptions) -> Stream:
             units = ", ".join(sensor.units)
             raise UsageError(
                 f"the log does not say how precise its {sensor.name} readings are",
-                (f"  give {d} positive standard deviation{'s' * (d > 1)} ({units}), got {deviations}",),
+                (
+                    f"  give {d} positive standard deviation{'s' * (d > 1)} ({units}), got {deviations}",
+                    f"  such as --noise {sensor.name}={','.join('0.1' for _ in range(d))}",
+                ),
             )
         noise = np.tile(np.diag(np.square(deviations)), (len(entry), 1, 1))
     measurements = entry.kind.normalize(np.asarray(entry.measurements, dtype=np.float64))
