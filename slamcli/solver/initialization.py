@@ -1,8 +1,8 @@
-"""Where the optimization starts: the file's values, the integrated odometry, or a spanning tree.
+"""Where the optimization starts: the file's values, the integrated odometry, a spanning tree, or a chordal relaxation.
 
-Poses are chained along the edges of a tree. The chain of thousands of poses is composed by pointer jumping: in each
-round every pose composes its relative pose with its parent's and takes over the grandparent, so that log2(depth)
-batched compositions suffice.
+For odometry and tree, poses are chained along the edges of a tree. The chain of thousands of poses is composed by
+pointer jumping: in each round every pose composes its relative pose with its parent's and takes over the grandparent,
+so that log2(depth) batched compositions suffice.
 """
 
 from __future__ import annotations
@@ -14,14 +14,18 @@ from slamcli.graph import FactorGraph, Variables
 from slamcli.graph.columns import BoolArray, IndexArray, Values
 from slamcli.models import VariableKind
 from slamcli.models.base import Array
+from slamcli.solver import chordal, spanning_tree
+from slamcli.solver.backends import NotPositiveDefiniteError
 from slamcli.solver.gauge import Held
+
+_WORDS = {"odometry": "integrated odometry", "spanning-tree": "spanning tree"}
 
 
 def initialize(graph: FactorGraph, method: str, held: Held) -> tuple[Values, str]:
     """Start values for a method of ``options.INITS``, and in words where they come from.
 
     ``file`` keeps the file's values and chains what the file does not give; the other methods chain every pose
-    from the held ones and hang the landmarks off them.
+    from the held ones and hang the landmarks off them; ``chordal`` solves for all at once (see ``chordal``).
 
     Raises
     ------
@@ -31,32 +35,53 @@ def initialize(graph: FactorGraph, method: str, held: Held) -> tuple[Values, str
     missing = sum(int(np.count_nonzero(~column.known)) for column in graph.variables.values())
     if method == "file" and missing == 0:
         return graph.values, "values of the file"
-    values = dict(graph.values)
-    placed: dict[str, BoolArray] = {}
-    chain = method == "odometry"
-    for name, column in graph.variables.items():
-        if column.kind.is_pose:
-            roots = column.known if method == "file" else column.known & (column.fixed | held[name])
-            values[name], placed[name] = _chained(graph, column, roots, chain)
-        else:
-            placed[name] = column.known if method == "file" else column.known & (column.fixed | held[name])
-            placed[name] = placed[name].copy()
+    if method == "chordal":
+        values, placed, words = _relaxed(graph, held)
+    else:
+        values, placed = _along_edges(graph, method, held)
+        words = _WORDS.get(method, f"values of the file; {missing} variables without one placed along a spanning tree")
     while _place_landmarks(graph, values, placed):
         pass  # points may hang off other points
     _require_all(graph, placed)
-    if method != "file":
-        return values, "integrated odometry" if chain else "spanning tree"
-    return values, f"values of the file; {missing} variables without one placed along a spanning tree"
+    return values, words
 
 
-def _chained(graph: FactorGraph, column: Variables, roots: BoolArray, chain: bool) -> tuple[Array, BoolArray]:
+def _relaxed(graph: FactorGraph, held: Held) -> tuple[Values, dict[str, BoolArray], str]:
+    """The chordal start, or a spanning tree where its numbers overflow."""
+    try:
+        with np.errstate(all="ignore"):
+            return chordal.relax(graph, held)
+    except (NotPositiveDefiniteError, np.linalg.LinAlgError):
+        values, placed = _along_edges(graph, "spanning-tree", held)
+        return values, placed, "spanning tree, since the chordal relaxation cannot be solved"
+
+
+def _along_edges(graph: FactorGraph, method: str, held: Held) -> tuple[Values, dict[str, BoolArray]]:
+    """Poses chained along edges; landmarks as far as they are given. And which of them are placed."""
+    values = dict(graph.values)
+    placed: dict[str, BoolArray] = {}
+    for name, column in graph.variables.items():
+        if column.kind.is_pose:
+            roots = column.known if method == "file" else column.known & (column.fixed | held[name])
+            values[name], placed[name] = _chained(graph, column, roots, method)
+        else:
+            placed[name] = column.known if method == "file" else column.known & (column.fixed | held[name])
+            placed[name] = placed[name].copy()
+    return values, placed
+
+
+def _chained(graph: FactorGraph, column: Variables, roots: BoolArray, method: str) -> tuple[Array, BoolArray]:
     """Poses chained from the roots (one is chosen in each component without)."""
     kind = column.kind
     first, second, relative = _relative_poses(graph, kind)
-    order = np.argsort(column.rank)
-    if chain:
+    order = np.argsort(column.rank).tolist()
+    if method == "odometry":
         first, second, relative = _odometry_first(column.rank, first, second, relative)
-    parent, edge = _breadth_first(len(column), first, second, roots, order.tolist())
+    edges = spanning_tree.Edges.of(len(column), first, second)
+    if method == "spanning-tree":
+        parent, edge = spanning_tree.least_uncertain(edges, _uncertainty(graph, kind), roots, order)
+    else:
+        parent, edge = spanning_tree.breadth_first(edges, roots, order)
     start = np.where(column.known[:, None], column.values, _from_priors(graph, column))
     step = np.tile(kind.identity, (len(column), 1))
     moved = np.flatnonzero(edge >= 0)
@@ -85,6 +110,17 @@ def _relative_poses(graph: FactorGraph, kind: VariableKind) -> tuple[IndexArray,
     return indices[:, 0], indices[:, 1], relative
 
 
+def _uncertainty(graph: FactorGraph, kind: VariableKind) -> Array:
+    """Trace of the covariance (m,) of each relative pose, in metres and radians; large where there is none."""
+    columns = [f.information for f in graph.factors if f.kind.relative_pose and f.kind.variables[0] is kind]
+    information = np.concatenate([np.empty((0, kind.dimension, kind.dimension)), *columns])
+    floor = 1e-9 * np.abs(np.trace(information, axis1=1, axis2=2))[:, None, None] + np.finfo(np.float64).tiny
+    with np.errstate(all="ignore"):
+        covariance = np.linalg.inv(information + floor * np.eye(kind.dimension))
+    total = np.trace(covariance, axis1=1, axis2=2)
+    return np.where(total > 0.0, total, np.inf)
+
+
 def _odometry_first(
     rank: IndexArray, first: IndexArray, second: IndexArray, relative: Array
 ) -> tuple[IndexArray, IndexArray, Array]:
@@ -102,37 +138,6 @@ def _odometry_first(
             root[a] = b
             chosen.append(k)
     return first[chosen], second[chosen], relative[chosen]
-
-
-def _breadth_first(
-    nodes: int, first: IndexArray, second: IndexArray, roots: BoolArray, order: list[int]
-) -> tuple[IndexArray, IndexArray]:
-    """Parent of each node (roots: themselves) and the edge to it (roots: -1), breadth first from all roots at once.
-
-    Nodes that no root reaches start trees of their own, in the given order.
-    """
-    ends = np.concatenate([first, second])
-    by_end = np.argsort(ends, kind="stable")
-    pointer = np.concatenate([[0], np.cumsum(np.bincount(ends, minlength=nodes))]).tolist()
-    neighbours = np.concatenate([second, first])[by_end].tolist()
-    edges = (by_end % max(len(first), 1)).tolist()
-    parent, edge = [-1] * nodes, [-1] * nodes
-    queue = np.flatnonzero(roots).tolist()
-    for root in queue:
-        parent[root] = root
-    seeds = iter(order)
-    while True:
-        for node in queue:  # grows while it is walked: a breadth-first queue
-            for k in range(pointer[node], pointer[node + 1]):
-                other = neighbours[k]
-                if parent[other] < 0:
-                    parent[other], edge[other] = node, edges[k]
-                    queue.append(other)
-        seed = next((node for node in seeds if parent[node] < 0), None)
-        if seed is None:
-            return np.array(parent, dtype=np.intp), np.array(edge, dtype=np.intp)
-        parent[seed] = seed
-        queue = [seed]
 
 
 def _from_priors(graph: FactorGraph, column: Variables) -> Array:

@@ -94,6 +94,22 @@ def random_factors(rng: np.random.Generator, kind: FactorKind, sizes: dict[str, 
     )
 
 
+def exact_graph(kind: VariableKind, relative: FactorKind, count: int, seed: int, extra: int = 10) -> FactorGraph:
+    """Random poses and edges without noise, some of them from the later to the earlier pose; the truth as values."""
+    rng = np.random.default_rng(seed)
+    truth = random_values(rng, kind, count)
+    order = rng.permutation(count)
+    pairs = [(order[k], order[k + 1]) for k in range(count - 1)]
+    pairs += [tuple(rng.choice(count, 2, replace=False)) for _ in range(extra)]
+    pairs = [pair if rng.random() < 0.5 else pair[::-1] for pair in pairs]
+    indices = np.array(pairs, dtype=np.intp)
+    measured = kind.normalize(kind.compose(kind.inverse(truth[indices[:, 0]]), truth[indices[:, 1]]))
+    weights = information(rng, len(pairs), relative.dimension)
+    return FactorGraph(
+        {kind.name: variables(kind, range(count), truth)}, [Factors(relative, indices, measured, weights)]
+    )
+
+
 def mixed_graph(seed: int, count: int = 6) -> tuple[FactorGraph, Held]:
     """Every kind of variable and of factor in one graph, with a few variables held at random."""
     rng = np.random.default_rng(seed)

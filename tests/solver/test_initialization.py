@@ -4,14 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from graphs import FactorGraph, bundled, information, random_values, variables
+from graphs import FactorGraph, bundled, exact_graph, random_values, variables
 from numpy.testing import assert_allclose, assert_array_equal
 from support import write_file
 
 import slamcli
 from slamcli import models
 from slamcli.graph import Factors
-from slamcli.models import FactorKind, VariableKind
 from slamcli.solver.result import Result, Status
 
 INFO = "1 0 0 1 0 1"
@@ -19,22 +18,6 @@ INFO = "1 0 0 1 0 1"
 
 def start(tmp_path: Path, text: str, init: str) -> Result:
     return slamcli.optimize(slamcli.read(str(write_file(tmp_path, text))), init=init, max_iterations=0)
-
-
-def exact_graph(kind: VariableKind, relative: FactorKind, count: int, seed: int, extra: int = 10) -> FactorGraph:
-    """Random poses and edges without noise, some of them from the later to the earlier pose; the truth as values."""
-    rng = np.random.default_rng(seed)
-    truth = random_values(rng, kind, count)
-    order = rng.permutation(count)
-    pairs = [(order[k], order[k + 1]) for k in range(count - 1)]
-    pairs += [tuple(rng.choice(count, 2, replace=False)) for _ in range(extra)]
-    pairs = [pair if rng.random() < 0.5 else pair[::-1] for pair in pairs]
-    indices = np.array(pairs, dtype=np.intp)
-    measured = kind.normalize(kind.compose(kind.inverse(truth[indices[:, 0]]), truth[indices[:, 1]]))
-    weights = information(rng, len(pairs), relative.dimension)
-    return FactorGraph(
-        {kind.name: variables(kind, range(count), truth)}, [Factors(relative, indices, measured, weights)]
-    )
 
 
 @pytest.mark.parametrize("init", ["odometry", "spanning-tree"])

@@ -135,7 +135,7 @@ def test_a_graph_without_edges_is_no_problem() -> None:
     ("options", "message"),
     [
         ({"method": "newton"}, "method 'newton' does not exist"),
-        ({"init": "chordal"}, "init 'chordal' does not exist"),
+        ({"init": "random"}, "init 'random' does not exist"),
         ({"ordering": "metis"}, "ordering 'metis' does not exist"),
         ({"linear_solver": "eigen"}, "linear_solver 'eigen' does not exist"),
         ({"scaling": "nielsen"}, "scaling 'nielsen' does not exist"),
