@@ -211,11 +211,19 @@ def start_up(scratch: Path, runs: int) -> None:
     table("Start-up, whole processes", ("command", "ms", "against", "ms", "ratio", "goal"), rows)
 
 
+def filtering(runs: int) -> None:
+    """An update of EKF-SLAM by one reading over one pass through the triangle of its covariance."""
+    from benchmarks.filter import update_costs
+
+    header = ("landmarks", "read and write of the triangle, ms", "update, ms", "ratio")
+    table("EKF update", header, update_costs(runs))
+
+
 def main() -> None:
     """Run the sections that the command line names, or all."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=5, help="repetitions of each measurement (default 5)")
-    parser.add_argument("sections", nargs="*", help="iteration, whole, loading, startup (default: all)")
+    parser.add_argument("sections", nargs="*", help="iteration, whole, loading, startup, filter (default: all)")
     options = parser.parse_args()
     folder = Path(os.environ.get("SLAMCLI_DATASETS") or "/nonexistent")
     missing = [name for name in ("g2opy", "gtsam") if name not in PEERS]
@@ -225,12 +233,13 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as scratch_name:
         scratch = Path(scratch_name)
         sections: dict[str, Callable[[], None]] = {"startup": lambda: start_up(scratch, options.runs)}
+        sections["filter"] = lambda: filtering(options.runs)
         if folder.is_dir():
             sections["iteration"] = lambda: iterations(folder, options.runs)
             sections["loading"] = lambda: loading(folder, scratch, options.runs)
             sections["whole"] = lambda: whole(folder, scratch, options.runs)
         else:
-            print("SLAMCLI_DATASETS names no folder: only the start-up is measured")
+            print("SLAMCLI_DATASETS names no folder: only the start-up and the filter are measured")
         for name in options.sections or sections:
             sections[name]()
 
