@@ -120,7 +120,8 @@ def returns(log: SensorLog, assignments: list[IdArray]) -> Returns:
     longest = np.zeros(len(log), dtype=np.intp)
     np.maximum.at(longest, steps[1:][long], away[long])
     found = np.flatnonzero(longest)
-    calm = np.diff(found, prepend=-len(log)) > max(LEAST_CALM, math.ceil(CALM * (len(log) - 1)))
+    # the first one begins a closure, however short the log is
+    calm = np.diff(found, prepend=-len(log) - LEAST_CALM) > max(LEAST_CALM, math.ceil(CALM * (len(log) - 1)))
     return Returns(found, longest[found], calm)
 
 
@@ -136,7 +137,7 @@ def closing_step(log: SensorLog, options: EkfOptions, result: EkfResult, choice:
     Raises
     ------
     UsageError
-        If the pose of this id has no reading that was used.
+        If the pose of this id is the first one, or has no reading that was used.
     """
     if isinstance(choice, int):
         return _step_of(log, result, choice)
@@ -213,6 +214,8 @@ def _step_of(log: SensorLog, result: EkfResult, wanted: int) -> int:
     if len(found) == 0:
         raise UsageError(f"no pose has the id {wanted}", (f"  ids: {log.ids.min()} to {log.ids.max()}",))
     step = int(found[0])
+    if step == 0:
+        raise UsageError(f"pose {wanted} is the first one: it closes no loop")
     for entry, assigned in zip(log.observations, result.assignments, strict=True):
         if (assigned[entry.steps == step] >= 0).any():
             return step

@@ -280,7 +280,7 @@ def _against(
     estimate = Trajectory(SE2, method.poses, log.ids, log.times, method.name, _map_of(method, result))
     covariances = None
     if truth.kind is SE2 and align != "se":
-        if len(truth) > 1 and not np.ptp(truth.poses[:, 2]) and truth.length > 0.0:
+        if _without_headings(truth):
             notes.append("the truth has no headings: no NEES")
         else:
             covariances = Covariances(log.ids[sampled], method.covariances)
@@ -288,6 +288,13 @@ def _against(
     found = evaluate([estimate], truth, options=options, covariances=covariances)
     scores = found.estimates[0]
     return replace(method, against_truth=scores, landmark_errors=scores.landmarks)
+
+
+def _without_headings(truth: Trajectory) -> bool:
+    """Whether the headings of a path that turns are all the same: they stand for nothing."""
+    step = np.diff(truth.positions, axis=0)
+    way = np.arctan2(step[:, 1], step[:, 0])[step.any(axis=1)]
+    return len(way) > 1 and not np.ptp(truth.poses[:, 2]) and bool(np.ptp(way) > 1e-6)
 
 
 def _landmarks_against(method: Method, log: SensorLog, result: EkfResult) -> Method:

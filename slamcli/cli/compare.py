@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from slamcli.cli.filter_options import filter_options, log_of, log_options, options_of
+from slamcli.cli.filter_options import filter_options, log_of, log_options, options_of, unused_noise
 from slamcli.cli.options import FILE, check_outputs, json_option, warn
 from slamcli.errors import UsageError
 
@@ -59,7 +59,7 @@ def command(input: str | None, **given: Any) -> int:
     INPUT is a landmark graph, a sensor log (docs/logs.md) or a scenario: a YAML file or the name of a world. Prints
     errors against the truth, consistency, time and memory, and what one loop closure does to every pose.
     """
-    check_outputs(given, ("output", "corrections"), json=given["json"])
+    check_outputs(given, ("output", "corrections"), json=given["json"], inputs=[input, given["truth"]])
     if given["scaling"] is not None:
         return _scaling(input, given)
     if input is None:
@@ -77,6 +77,7 @@ def _compare(path: str, given: dict[str, Any]) -> int:
     picture, closure = _format(given["output"]), _closure(given["closure"])
     log = log_of(path, given)
     options = options_of(log, given)
+    warn(unused_noise(log, given))
     with progress("comparing", _STAGES) as tick:
         found = compare(log, options, align=given["align"], closure=closure, tick=tick)
     if given["corrections"]:

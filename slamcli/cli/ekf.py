@@ -8,8 +8,15 @@ from typing import Any
 
 import click
 
-from slamcli.cli.filter_options import filter_options, log_of, log_options, options_of, scenario_of_input
-from slamcli.cli.options import FILE, check_outputs, json_option
+from slamcli.cli.filter_options import (
+    filter_options,
+    log_of,
+    log_options,
+    options_of,
+    scenario_of_input,
+    unused_noise,
+)
+from slamcli.cli.options import FILE, check_outputs, json_option, warn
 from slamcli.cli.process import interruptible, peak_memory, progress
 from slamcli.errors import ExitCode, UsageError
 
@@ -54,7 +61,7 @@ def command(input: str, **given: Any) -> int:
     The motion and sensor models are those of the optimizer. Noise comes from the log where it states any, else from
     --motion-noise and --noise.
     """
-    check_outputs(given, _OUTPUTS, json=given["json"], inputs=[input])
+    check_outputs(given, _OUTPUTS, json=given["json"], inputs=[input, given["truth"]])
     # thousands of small updates: waking BLAS threads takes longer than what they save. Read when numpy is loaded
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     if given["runs"]:
@@ -66,12 +73,13 @@ def command(input: str, **given: Any) -> int:
 
     log = log_of(input, given)
     options = options_of(log, given)
+    warn(unused_noise(log, given))
     events: list[dict[str, Any]] | None = [] if given["trace"] else None
     watch = None if events is None else lambda record: events.append(reporting.trace_event(record))
     with progress("filtering", len(log)) as tick, interruptible("step") as interrupted:
         result = run(log, options, on_step=watch, progress=lambda step: tick(), interrupted=interrupted)
+    written = _write(result, log, events, given)  # before the truth is looked at, which may not fit
     scores = judge(result, log)
-    written = _write(result, log, events, given)
     if given["json"]:
         print(documents.dumps(reporting.ekf_document(log, options, result, scores, peak_memory())))
     elif not given["quiet"]:

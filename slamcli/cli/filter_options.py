@@ -12,6 +12,7 @@ from slamcli.cli.quantities import Numbers
 from slamcli.errors import UsageError
 
 F = TypeVar("F", bound=Callable[..., Any])
+_NEW_GATE = 0.9999
 
 
 def log_options(function: F) -> F:
@@ -45,7 +46,7 @@ def filter_options(function: F) -> F:
         click.option(
             "--new-gate",
             type=click.FloatRange(0.0, 1.0, min_open=True, max_open=True),
-            default=0.9999,
+            default=_NEW_GATE,
             show_default=True,
             help="A reading outside this gate of every landmark starts a new one; in between it is ignored.",
         ),
@@ -105,10 +106,19 @@ def options_of(log: Any, given: dict[str, Any]) -> Any:
     """
     from slamcli.filtering.options import EkfOptions
 
+    gate, new_gate = given["gate"], given["new_gate"]
+    if given["association"] == "known":
+        gate = min(gate, new_gate)  # not used
+    elif new_gate == _NEW_GATE:
+        new_gate = max(gate, new_gate)
+    elif new_gate < gate:
+        raise UsageError(f"--new-gate {new_gate:g} is below --gate {gate:g}: a landmark would start inside of the gate")
+    if given["area_radius"] is not None and not given["compressed"]:
+        raise UsageError("--area-radius has no meaning without --compressed")
     return EkfOptions(
         association=given["association"],
-        gate_probability=given["gate"],
-        new_probability=max(given["gate"], given["new_gate"]),
+        gate_probability=gate,
+        new_probability=new_gate,
         gate_known=given["reject_outliers"],
         motion=_motion(log.model, given["motion_noise"]),
         sensor_deviations=_deviations(given["sensor_noise"]),
@@ -119,6 +129,21 @@ def options_of(log: Any, given: dict[str, Any]) -> Any:
         compressed=given["compressed"],
         area_radius=given["area_radius"],
     )
+
+
+def unused_noise(log: Any, given: dict[str, Any]) -> list[str]:
+    """Which noise was given for nothing: the log states its own, or has no such sensor."""
+    out = []
+    if given["motion_noise"] is not None and log.information is not None:
+        out.append("--motion-noise is not used: the log states the noise of its odometry")
+    for name in dict.fromkeys(setting.partition("=")[0] for setting in given["sensor_noise"]):
+        from slamcli.filtering.innovation import SENSORS
+
+        entries = [entry for entry in log.observations if entry.kind is SENSORS[name].kind]
+        if all(entry.information is not None for entry in entries):
+            why = "states the noise of these readings" if entries else "has no such readings"
+            out.append(f"--noise {name} is not used: the log {why}")
+    return out
 
 
 def log_of(path: str, given: dict[str, Any]) -> Any:

@@ -53,7 +53,8 @@ is written).
     type=click.Choice(INITS),
     default="file",
     show_default=True,
-    help="Where to start; all but file need no guess, and chordal is the best of those.",
+    help="Where to start; all but file need no guess, and chordal is the best of those. auto takes the best of the "
+    "file's values and two chordal starts after one step.",
 )
 @click.option(
     "--max-iterations", type=click.IntRange(min=0), default=100, show_default=True, help="Budget of iterations."

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
+from slamcli.errors import NumericalError
+from slamcli.evaluation.alignment import Alignment
 from slamcli.evaluation.consistency import chi2_band
 from slamcli.evaluation.evaluate import evaluate
+from slamcli.evaluation.landmarks import LandmarkErrors, landmark_errors
 from slamcli.evaluation.result import EstimateResult, EvaluateOptions
-from slamcli.filtering.estimate import estimated_trajectory
+from slamcli.filtering.estimate import estimated_graph, estimated_trajectory
 from slamcli.filtering.result import EkfResult
 from slamcli.formats.covariances import Covariances
 from slamcli.graph import FactorGraph, Variables
+from slamcli.graph.columns import IdArray
 from slamcli.graph.sensor_log import SensorLog
 from slamcli.graph.trajectory import Trajectory
 from slamcli.models import SE2, XY
+from slamcli.models.base import Array
 
 #: Probability of the bands.
 CONFIDENCE = 0.95
@@ -37,6 +43,9 @@ class FilterScores:
         ATE, landmark errors and NEES without any alignment; None without a truth in the frame of the log.
     aligned
         ATE and landmark errors after the rigid motion that fits the positions best: the shape of path and map alone.
+        None without a truth, or where the positions do not determine that motion.
+    landmarks
+        Landmark errors as they are, where the truth of the landmarks is known and that of the path is not; else None.
     """
 
     nis_mean: float | None
@@ -44,6 +53,7 @@ class FilterScores:
     nis_inside: float | None
     against_truth: EstimateResult | None
     aligned: EstimateResult | None
+    landmarks: LandmarkErrors | None = None
 
 
 def judge(result: EkfResult, log: SensorLog) -> FilterScores:
@@ -57,19 +67,22 @@ def judge(result: EkfResult, log: SensorLog) -> FilterScores:
     mean, band, inside = _nis(result)
     truth = true_trajectory(log)
     if truth is None:
-        return FilterScores(mean, band, inside, None, None)
+        return FilterScores(mean, band, inside, None, None, _landmarks_alone(result, log))
     estimate = estimated_trajectory(result, log.source)
     within = matching_interval(truth)
-    fitted = evaluate([estimate], truth, options=EvaluateOptions(align="se", max_time_difference=within))
+    fitted: EstimateResult | None = None
+    with suppress(NumericalError):  # all positions in one point, or on one line in space
+        found = evaluate([estimate], truth, options=EvaluateOptions(align="se", max_time_difference=within))
+        fitted = found.estimates[0]
     if log.positions_only:
-        return FilterScores(mean, band, inside, None, fitted.estimates[0])
+        return FilterScores(mean, band, inside, None, fitted)
     plain = evaluate(
         [estimate],
         truth,
         options=EvaluateOptions(align="none", max_time_difference=within),
         covariances=Covariances(result.ids, result.covariances) if truth.kind is SE2 else None,
     )
-    return FilterScores(mean, band, inside, plain.estimates[0], fitted.estimates[0])
+    return FilterScores(mean, band, inside, plain.estimates[0], fitted)
 
 
 def true_trajectory(log: SensorLog) -> Trajectory | None:
@@ -77,13 +90,23 @@ def true_trajectory(log: SensorLog) -> Trajectory | None:
     truth = log.true_trajectory
     if truth is None or log.true_landmarks is None or truth.graph is not None:
         return truth
-    ids, positions = log.true_landmarks
+    return Trajectory(truth.kind, truth.poses, truth.ids, truth.stamps, truth.source, _map(*log.true_landmarks))
+
+
+def _map(ids: IdArray, positions: Array) -> FactorGraph:
+    """A graph of landmarks alone."""
     count = len(ids)
     flags = {"fixed": np.zeros(count, dtype=bool), "known": np.ones(count, dtype=bool)}
     column = Variables(kind=XY, ids=ids, values=positions, lines=np.zeros(count, dtype=np.intp), **flags)
-    return Trajectory(
-        truth.kind, truth.poses, truth.ids, truth.stamps, truth.source, FactorGraph({XY.name: column}, [])
-    )
+    return FactorGraph({XY.name: column}, [])
+
+
+def _landmarks_alone(result: EkfResult, log: SensorLog) -> LandmarkErrors | None:
+    """Errors of the landmarks without those of the path."""
+    if log.true_landmarks is None:
+        return None
+    still = Alignment("none", np.eye(3), np.zeros(3))
+    return landmark_errors(estimated_graph(result), _map(*log.true_landmarks), still)
 
 
 def _nis(result: EkfResult) -> tuple[float | None, tuple[float, float] | None, float | None]:

@@ -43,7 +43,7 @@ class MonteCarlo:
     position_sigma
         (t,) what the filter says: root of the mean of the variances along both axes, added up.
     nis
-        Mean NIS of all updates of all runs over their degrees of freedom.
+        Mean NIS of all updates of all runs over their degrees of freedom; NaN without updates.
     """
 
     runs: int
@@ -128,7 +128,7 @@ def monte_carlo(
         position_rmse=np.sqrt(squared),
         heading_rmse=np.degrees(np.sqrt(turned)),
         position_sigma=np.sqrt(variance),
-        nis=float(innovations[0] / max(innovations[1], 1.0)),
+        nis=float(innovations[0] / innovations[1]) if innovations[1] else float("nan"),
     )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import islice
+
 import numpy as np
 
 from slamcli.filtering.result import EkfResult
@@ -11,11 +13,14 @@ from slamcli.graph.trajectory import Trajectory
 from slamcli.models import SE2, XY, VariableKind
 from slamcli.models.base import Array
 
+_LARGEST = 2**63 - 1
+
 
 def estimated_graph(result: EkfResult) -> FactorGraph:
     """The poses as they were estimated at their steps, and the landmarks at the end; no factors.
 
-    Landmarks have the ids of the log; those without one, and further ones with an id that is taken, get new ids.
+    Landmarks have the ids of the log; those without one, and further ones with an id that is taken, get new ids, which
+    neither the log nor its truth has (the smallest that the graph does not have, where there is nothing above those).
     """
     variables = {SE2.name: _column(SE2, result.ids, result.poses)}
     if len(result.landmarks):
@@ -34,8 +39,13 @@ def landmark_ids(result: EkfResult) -> IdArray:
     first = np.zeros(len(ids), dtype=bool)
     first[np.unique(ids, return_index=True)[1]] = True
     unnamed = ~first | (ids < 0)
-    new = int(max(result.ids.max(initial=-1), ids.max(initial=-1))) + 1
-    ids[unnamed] = new + np.arange(np.count_nonzero(unnamed))
+    count = int(np.count_nonzero(unnamed))
+    taken = {int(known) for column in (result.ids, ids) for known in column.tolist()}
+    new = max(result.free_id, max(taken, default=-1) + 1)
+    if new + count > _LARGEST:
+        ids[unnamed] = list(islice((k for k in range(_LARGEST) if k not in taken), count))
+    else:
+        ids[unnamed] = new + np.arange(count)
     return ids
 
 

@@ -80,6 +80,8 @@ def enter(
         for views in (placement.views, placement.rest)
     )
     assert stacked is not None
+    if not all(np.isfinite(part.jacobian).all() for part in (stacked, rest) if part is not None):
+        raise np.linalg.LinAlgError("the robot is on the landmark: no derivative exists")
     point = placement.point + np.linalg.solve(stacked.jacobian[:, -2:], stacked.innovation)
     block = initialize(state, point, stacked)
     state.first[n : n + 2] = placement.point

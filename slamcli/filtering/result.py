@@ -227,6 +227,8 @@ class EkfResult:
         Local areas of a compressed run, else 1.
     interrupted
         Whether it was.
+    free_id
+        Above all ids of poses and landmarks in the log and its truth: from here on ids mean nothing else.
     notes
         Assumptions and what was left out, one sentence each.
     """
@@ -252,6 +254,7 @@ class EkfResult:
     reserved_bytes: int
     areas: int
     interrupted: bool
+    free_id: int = 0
     notes: list[str] = field(default_factory=list)
 
     def covariance(self) -> Array:

@@ -55,7 +55,7 @@ def run(
     progress
         Called with the number of each step that is done.
     interrupted
-        Asked before each step; if it says so, the run ends there with what it has.
+        Asked before each step but the first; if it says so, the run ends there with what it has.
 
     Raises
     ------
@@ -105,7 +105,7 @@ class _Run:
         trace, dimension = np.zeros(steps), np.empty(steps, dtype=np.intp)
         done = 0
         for step in range(steps):
-            if interrupted is not None and interrupted():
+            if step and interrupted is not None and interrupted():
                 break
             self.step, updates, size = step, len(self.updates), self.state.size
             if step:
@@ -120,9 +120,11 @@ class _Run:
                 on_step(self._record(step, poses[step], covariances[step], float(trace[step]), updates))
             if progress is not None:
                 progress(step)
-        if not np.isfinite(poses[:done]).all():
-            bad = int(np.flatnonzero(~np.isfinite(poses[:done]).all(axis=1))[0])
-            raise NumericalError(f"the estimate is not finite from step {bad} on")
+        finite = np.isfinite(poses[:done]).all(axis=1) & np.isfinite(covariances[:done]).all(axis=(1, 2))
+        finite &= np.isfinite(trace[:done])
+        if not finite.all():
+            bad = int(np.flatnonzero(~finite)[0])
+            raise NumericalError(f"the estimate or its covariance is not finite from step {bad} on")
         local = local_covariance(covariances[:done], poses[:done, 2])
         return self._result(poses[:done], local, trace[:done], dimension[:done], done < steps)
 
@@ -141,7 +143,7 @@ class _Run:
             self.seconds["association"] += time.perf_counter() - begin
             begin = time.perf_counter()
             if matched:
-                self._update(matched, gated=self.known and self.options.gate_known)
+                self._update(matched)
             if new:
                 self._start_landmarks(new)
             self.seconds["update"] += time.perf_counter() - begin
@@ -203,8 +205,9 @@ class _Run:
 
     # -- updates
 
-    def _update(self, matched: list[tuple[Reading, Track]], gated: bool = False) -> None:
+    def _update(self, matched: list[tuple[Reading, Track]]) -> None:
         """Update by readings from the robot's pose, after leaving out those that cannot be used."""
+        gated = self.known and self.options.gate_known
         robot = self.state.robot
         sightings = {Sighting(reading, robot, track.block): track for reading, track in matched}
         stacked = linearize(self.state, self.streams, list(sightings), self.first)
@@ -353,6 +356,7 @@ class _Run:
             reserved_bytes=self.reserved,
             areas=self.state.areas if isinstance(self.state, CompressedState) else 1,
             interrupted=stopped,
+            free_id=_free_id(self.log),
             notes=list(self.log.notes),
         )
 
@@ -368,6 +372,16 @@ class _Run:
             confirmed=np.array([track.confirmed for track in live], dtype=bool),
             starts=starts,
         )
+
+
+def _free_id(log: SensorLog) -> int:
+    """Above all ids of the log and its truth."""
+    columns = [log.ids, *(entry.landmarks for entry in log.observations)]
+    if log.true_landmarks is not None:
+        columns.append(log.true_landmarks[0])
+    if log.true_trajectory is not None and log.true_trajectory.ids is not None:
+        columns.append(log.true_trajectory.ids)
+    return 1 + max((int(column.max()) for column in columns if len(column)), default=-1)
 
 
 def _ids(numbers: list[int]) -> IdArray:

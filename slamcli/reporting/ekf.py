@@ -76,7 +76,7 @@ def ekf_document(
         "dimension": 3 + 2 * len(landmarks),
         "association": asdict(result.association),
         "nis": {"mean": scores.nis_mean, "band": scores.nis_band, "inside": scores.nis_inside},
-        "truth": _truth_document(scores.against_truth),
+        "truth": _truth_document(scores.against_truth) or _landmarks_document(scores),
         "truth_aligned": _truth_document(scores.aligned),
         "final_pose": result.poses[-1].tolist(),
         "final_pose_covariance": result.covariances[-1].tolist(),
@@ -143,7 +143,8 @@ def monte_carlo_table(runs: MonteCarlo) -> list[str]:
     rows = [(row[0], row[1].ljust(max(len(r[1].rstrip(" *")) for r in rows) + 2), *row[2:]) for row in rows]
     return [
         f"{runs.runs} runs; a NEES of 1 is expected, 95 % band of a step {low:.3f} to {high:.3f} (*: outside)",
-        f"mean NEES {runs.mean:.3f}, {100 * runs.inside:.1f} % of the steps inside; NIS {runs.nis:.3f}",
+        f"mean NEES {runs.mean:.3f}, {100 * runs.inside:.1f} % of the steps inside; "
+        + (f"NIS {runs.nis:.3f}" if np.isfinite(runs.nis) else "no updates"),
         "",
         *table(rows, ">>>>>"),
     ]
@@ -186,22 +187,27 @@ def _association_rows(result: EkfResult) -> list[tuple[str, str]]:
 
 def _truth_rows(scores: FilterScores) -> list[tuple[str, str]]:
     against, aligned = scores.against_truth, scores.aligned
-    if aligned is None or aligned.absolute is None:
-        return []
     if against is None or against.absolute is None:
+        if scores.landmarks is not None and scores.landmarks.error is not None:
+            error, matched = scores.landmarks.error.rmse, scores.landmarks.matched
+            return [("map error", f"{error:.6g} m rmse over {matched} landmarks; the true path is not known")]
+        if aligned is None or aligned.absolute is None:
+            return []
         error = aligned.absolute["translation"].rmse
         return [("ATE", f"{error:.6g} m rmse over {aligned.pairs} positions, aligned; the truth has no headings")]
-    ate, fitted = against.absolute, aligned.absolute
-    rows = [
-        (
-            "ATE",
-            f"{ate['translation'].rmse:.6g} m, {ate['rotation'].rmse:.4g} deg rmse over {against.pairs} poses; "
-            f"{fitted['translation'].rmse:.6g} m, {fitted['rotation'].rmse:.4g} deg aligned",
-        )
-    ]
-    before, after = against.landmarks, aligned.landmarks
-    if before is not None and before.error is not None and after is not None and after.error is not None:
-        text = f"{before.error.rmse:.6g} m rmse over {before.matched} landmarks; {after.error.rmse:.6g} m aligned"
+    ate = against.absolute
+    text = f"{ate['translation'].rmse:.6g} m, {ate['rotation'].rmse:.4g} deg rmse over {against.pairs} poses; "
+    if aligned is None or aligned.absolute is None:
+        text += "the positions determine no alignment"
+    else:
+        fitted = aligned.absolute
+        text += f"{fitted['translation'].rmse:.6g} m, {fitted['rotation'].rmse:.4g} deg aligned"
+    rows = [("ATE", text)]
+    before, after = against.landmarks, None if aligned is None else aligned.landmarks
+    if before is not None and before.error is not None:
+        text = f"{before.error.rmse:.6g} m rmse over {before.matched} landmarks"
+        if after is not None and after.error is not None:
+            text += f"; {after.error.rmse:.6g} m aligned"
         rows.append(("map error", text))
     if against.consistency is not None and against.consistency.mean is not None:
         nees = against.consistency
@@ -222,20 +228,24 @@ def _truth_document(against: EstimateResult | None) -> dict[str, Any] | None:
     }
 
 
+def _landmarks_document(scores: FilterScores) -> dict[str, Any] | None:
+    """The same where the truth has no path."""
+    if scores.landmarks is None or scores.landmarks.error is None:
+        return None
+    nothing = dict.fromkeys(("ate_translation", "ate_rotation", "nees_mean"))
+    return {"poses": 0, **nothing, "landmark_rmse": scores.landmarks.error.rmse}
+
+
 def _uncertainty_rows(result: EkfResult) -> list[tuple[str, str]]:
     """Standard deviations at the end."""
     x, y, theta = np.sqrt(np.maximum(np.diag(result.covariances[-1]), 0.0))
     rows = [("pose", f"sigma {x:.4g} m ahead, {y:.4g} m aside, {np.degrees(theta):.4g} deg at the end")]
     sigma = _landmark_sigmas(result)
     if sigma["mean"] is not None:
-        coupling = result.coupling()
-        rows.append(
-            (
-                "map",
-                f"sigma {sigma['mean']:.4g} m mean, {sigma['min']:.4g} to {sigma['max']:.4g} m; "
-                f"mean correlation of two landmarks {coupling:.4f}",
-            )
-        )
+        text = f"sigma {sigma['mean']:.4g} m mean, {sigma['min']:.4g} to {sigma['max']:.4g} m"
+        if len(result.landmarks) > 1:
+            text += f"; mean correlation of two landmarks {result.coupling():.4f}"
+        rows.append(("map", text))
     return rows
 
 

@@ -1,4 +1,4 @@
-"""Where the optimization starts: the file's values, the integrated odometry, a spanning tree, or a chordal relaxation.
+"""Where the optimization starts: the file's values, the integrated odometry, a spanning tree, a chordal relaxation.
 
 For odometry and tree, poses are chained along the edges of a tree. The chain of thousands of poses is composed by
 pointer jumping: in each round every pose composes its relative pose with its parent's and takes over the grandparent,
@@ -7,6 +7,8 @@ so that log2(depth) batched compositions suffice.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+
 import numpy as np
 
 from slamcli.errors import NumericalError
@@ -14,29 +16,43 @@ from slamcli.graph import FactorGraph, Variables
 from slamcli.graph.columns import BoolArray, IndexArray, Values
 from slamcli.models import VariableKind
 from slamcli.models.base import Array
-from slamcli.solver import chordal, spanning_tree
+from slamcli.solver import candidates, chordal, spanning_tree
 from slamcli.solver.backends import NotPositiveDefiniteError
+from slamcli.solver.candidates import Candidate
 from slamcli.solver.gauge import Held
+from slamcli.solver.options import OptimizeOptions
+from slamcli.solver.problem import Problem
+from slamcli.solver.stopwatch import Stopwatch
 
 _WORDS = {"odometry": "integrated odometry", "spanning-tree": "spanning tree"}
 
 
-def initialize(graph: FactorGraph, method: str, held: Held) -> tuple[Values, str]:
+def initialize(graph: FactorGraph, method: str, held: Held, problem: Problem | None = None) -> tuple[Values, str]:
     """Start values for a method of ``options.INITS``, and in words where they come from.
 
     ``file`` keeps the file's values and chains what the file does not give; the other methods chain every pose
     from the held ones and hang the landmarks off them; ``chordal`` solves for all at once (see ``chordal``).
+    ``auto`` chooses among the file's values and chordal starts (see ``candidates``) with steps on the ``problem``,
+    which is made if it is not given.
 
     Raises
     ------
     NumericalError
         If a variable has no estimate and its edges cannot place it.
     """
+    if method == "auto" and all(mask.all() for mask in held.values()):
+        method = "file"  # nothing moves, so there is no step to take
+    if method == "auto":
+        problem = problem or Problem(graph, held, OptimizeOptions(), Stopwatch())
+        chosen, words = candidates.choose(_makers(graph, held), problem, graph.degrees_of_freedom(held))
+        return chosen.values, words
     missing = sum(int(np.count_nonzero(~column.known)) for column in graph.variables.values())
     if method == "file" and missing == 0:
         return graph.values, "values of the file"
     if method == "chordal":
         values, placed, words = _relaxed(graph, held)
+    elif method == "chordal-unit":
+        values, placed, words = _relaxed(graph, held, equal=True)
     else:
         values, placed = _along_edges(graph, method, held)
         words = _WORDS.get(method, f"values of the file; {missing} variables without one placed along a spanning tree")
@@ -46,11 +62,25 @@ def initialize(graph: FactorGraph, method: str, held: Held) -> tuple[Values, str
     return values, words
 
 
-def _relaxed(graph: FactorGraph, held: Held) -> tuple[Values, dict[str, BoolArray], str]:
+def _makers(graph: FactorGraph, held: Held) -> Iterator[Callable[[], Candidate]]:
+    """Of the candidates of ``auto``, those that exist and differ."""
+
+    def maker(name: str, method: str) -> Callable[[], Candidate]:
+        return lambda: Candidate(name, *initialize(graph, method, held))
+
+    if graph.poses == 0 or all(column.known.all() for column in graph.variables.values()):
+        yield maker("file", "file")
+    if graph.poses:
+        yield maker("chordal", "chordal")
+        if chordal.equally_weighted(graph) is not graph:
+            yield maker("unit weights", "chordal-unit")
+
+
+def _relaxed(graph: FactorGraph, held: Held, *, equal: bool = False) -> tuple[Values, dict[str, BoolArray], str]:
     """The chordal start, or a spanning tree where its numbers overflow."""
     try:
         with np.errstate(all="ignore"):
-            return chordal.relax(graph, held)
+            return chordal.relax(graph, held, equal=equal)
     except (NotPositiveDefiniteError, np.linalg.LinAlgError):
         values, placed = _along_edges(graph, "spanning-tree", held)
         return values, placed, "spanning tree, since the chordal relaxation cannot be solved"

@@ -90,19 +90,24 @@ class _Run:
             self.gauge, self.held = gauge.choose(self.graph)
         with self.stopwatch.phase("check"):
             defect = diagnosis.indefinite_information(self.graph)
+        all_held = all(mask.all() for mask in self.held.values())
+        steps_first = self.options.init == "auto" and not all_held  # a step from each candidate
+        problem = self._problem() if steps_first else None
         try:
             with self.stopwatch.phase("init"):
-                values, self.start = initialize(self.graph, self.options.init, self.held)
+                values, self.start = initialize(self.graph, self.options.init, self.held, problem)
         except NumericalError as error:
             values, self.start, defect = self.graph.values, NO_START, (error.message, error.details)
         if defect is not None:
             return self._not_started(values, Verdict(Status.FAILED, defect[0]), defect[1])
-        if all(mask.all() for mask in self.held.values()):
+        if all_held:
             return self._not_started(values, Verdict(Status.CONVERGED, "all variables are held: nothing to optimize"))
-        return self._iterate(values)
+        return self._iterate(problem or self._problem(), values)
 
-    def _iterate(self, values: Values) -> Result:
-        problem = Problem(self.graph, self.held, self.options, self.stopwatch)
+    def _problem(self) -> Problem:
+        return Problem(self.graph, self.held, self.options, self.stopwatch)
+
+    def _iterate(self, problem: Problem, values: Values) -> Result:
         now = problem.linearize(values)
         initial = now.chi2
         termination = Termination(self.options, initial)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 from slamcli.errors import UsageError
 
 METHODS = ("gn", "lm", "dogleg")
-INITS = ("file", "odometry", "spanning-tree", "chordal")
+INITS = ("file", "odometry", "spanning-tree", "chordal", "auto")
 ORDERINGS = ("amd", "natural")
 LINEAR_SOLVERS = ("cholmod", "superlu", "pardiso")
 SCALINGS = ("none", "marquardt")
@@ -22,8 +22,8 @@ class OptimizeOptions:
     method
         ``gn`` (Gauss-Newton), ``lm`` (Levenberg-Marquardt) or ``dogleg`` (Powell).
     init
-        Where it starts: the ``file``'s values, the integrated ``odometry``, a ``spanning-tree``, or a ``chordal``
-        relaxation.
+        Where it starts: the ``file``'s values, the integrated ``odometry``, a ``spanning-tree``, a ``chordal``
+        relaxation, or ``auto``: what is best of the file's values and two chordal starts.
     max_iterations
         Budget of iterations.
     tolerance

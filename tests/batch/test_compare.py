@@ -248,3 +248,20 @@ def test_victoria_park():
     standard = compare(log, EkfOptions(), closure="largest")
     assert standard.agreement.landmarks > 10.0
     assert standard.closure.filter.earlier == 0.0 < standard.closure.smoother.earlier
+
+
+def test_first_return_of_a_short_log_begins_a_closure():
+    """Five poses are fewer than the calm before a closure."""
+    log = head(loop(), 4, 4)
+    entry = log.observations[0]
+    kept = np.flatnonzero((entry.steps == 0) | (entry.steps == 4))[[0, -1]]
+    assert entry.steps[kept].tolist() == [0, 4]
+    seen = replace(
+        entry,
+        steps=entry.steps[kept],
+        landmarks=np.array([7, 7]),
+        measurements=entry.measurements[kept],
+        information=entry.information[kept],
+    )
+    log = replace(log, observations=[seen])
+    assert closing_step(log, EkfOptions(), run(log, EkfOptions()), "last") == 4

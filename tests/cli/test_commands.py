@@ -115,7 +115,7 @@ CASES = (
     *(Case(f"optimize {{in}} --method {method}", 0, out="-> 0.053333") for method in ("gn", "lm", "dogleg")),
     *(
         Case(f"optimize {{in}} --init {init}", 0, out="-> 0.053333")
-        for init in ("file", "odometry", "spanning-tree", "chordal")
+        for init in ("file", "odometry", "spanning-tree", "chordal", "auto")
     ),
     *(Case(f"optimize {{in}} --ordering {name}", 0, out=f"ordering {name}") for name in ("amd", "natural")),
     *(Case(f"optimize {{in}} --linear-solver {name}", 0, out="-> 0.053333") for name in ("cholmod", "superlu")),
@@ -186,6 +186,9 @@ CASES = (
     Case("compare {in} --scaling 30,40", 2, err="takes no INPUT"),
     Case("compare --scaling 30,40 --truth {in}", 2, err="--truth has no meaning with --scaling"),
     Case("compare {in} --closure 9", 2, err="no pose has the id 9", content=SEEN),
+    Case("compare {in} --closure 0", 2, err="pose 0 is the first one", content=SEEN),
+    Case("compare {in} --corrections {in}", 2, err="is an input and would be overwritten", content=SEEN),
+    Case("compare circle --truth {in} --corrections {in}", 2, err="is an input and would be overwritten", content=SEEN),
     Case("compare {in} --closure best", 2, err="expected last, largest or the id of a pose", content=SEEN),
     Case("compare {in} -o picture.bmp", 2, err=".png, .svg or .pdf", content=SEEN),
     Case("compare {in} --corrections - --json", 2, err="both want standard output", content=SEEN),
@@ -219,11 +222,19 @@ CASES = (
     Case("ekf {in} --compressed --area-radius 5", 0, out="NIS", content=SEEN),
     Case("ekf {in} --start-noise 0.1,0.1,1deg --sensor-range 50", 0, out="NIS", content=SEEN),
     Case("ekf {in} --sensor-range 0.5", 0, out="out-of-range 3", content=SEEN),
+    Case("ekf {in} --reject-outliers --new-gate 0.5", 0, out="used", content=SEEN),
+    Case("ekf {in} --association jcbb --new-gate 0.5", 2, err="--new-gate 0.5 is below --gate", content=SEEN),
+    Case("ekf {in} --area-radius 5", 2, err="no meaning without --compressed", content=SEEN),
+    Case("ekf circle --truth {in} -o {in}", 2, err="is an input and would be overwritten", content=SEEN),
     Case("ekf {in} --sensor-range -1", 2, err="sensor_range must be positive", content=SEEN),
     Case("ekf {in} --noise laser=1", 2, err=("--noise needs SENSOR=deviations", "range-bearing"), content=SEEN),
     Case("ekf {in} --noise xy=1", 2, err=("--noise xy", "2 numbers"), content=SEEN),
     Case("ekf {in} --motion-noise 1,2", 2, err=("--motion-noise of a body robot", "3 numbers"), content=SEEN),
-    Case("ekf {in} --motion-noise 1,2,1deg --noise xy=1,1", 0, out="NIS", content=SEEN),
+    Case(
+        "ekf {in} --motion-noise 1,2,1deg --noise xy=1,1", 0, out="NIS", err="--motion-noise is not used", content=SEEN
+    ),
+    Case("ekf {in} --noise xy=1,1", 0, err="the log states the noise of these readings", content=SEEN),
+    Case("ekf {in} --noise range=1", 0, err="the log has no such readings", content=SEEN),
     Case("ekf {in} --gate 1", 2, err="--gate", content=SEEN),
     Case("ekf {in} --robot 1", 2, err="robot", content=SEEN),
     Case("ekf {in}", 3, err="no reading of a landmark"),
@@ -232,6 +243,8 @@ CASES = (
     Case("ekf {in} --set poses=3", 2, err="INPUT is a log", content=SEEN),
     Case("ekf circle --set poses=20 --set landmarks.count=5", 0, out=("circle, seed 0: 20 steps", "NEES")),
     Case("ekf circle --set poses=20", 0, out="0 landmarks"),
+    Case("ekf circle --set poses=2 --set landmarks.count=5", 0, out=("determine no alignment", "map error")),
+    Case("ekf circle --runs 2 --set poses=20", 0, out="no updates"),
     Case("ekf torus --set poses=20", 3, err="planar"),
     Case("ekf circle --truth {in}", 2, err="INPUT is a scenario"),
     Case("ekf circle --runs 2 --jobs 1 --set poses=20 --set landmarks.count=5", 0, out=("2 runs", "95 % band")),

@@ -1,6 +1,7 @@
 """Scores of filter runs: against the truth, against their own covariances, over many seeds."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from slamcli.filtering.run import run
 from slamcli.formats import read
 from slamcli.formats.covariances import read_covariances
 from slamcli.formats.trajectories import read_trajectory
+from slamcli.reporting.ekf import ekf_document, ekf_summary
 from slamcli.simulation.settings import scenario_of
 
 CALM = {
@@ -145,3 +147,43 @@ def test_files_of_the_command_hold_what_was_filtered(tmp_path, capsys):
     assert events[-1]["map_trace"] == pytest.approx(np.trace(result.covariance()[3:, 3:]))
     used = sum(reading["decision"] == "used" for event in events[1:] for reading in event["readings"])
     assert used == document["counts"]["used"] == result.counts["used"]
+
+
+def test_a_truth_that_determines_no_alignment_is_compared_as_it_is():
+    """Two poses: ATE and NEES stay, what needs an alignment is missing."""
+    result, log = filtered(poses=2)
+    scores = judge(result, log)
+    assert scores.aligned is None
+    assert scores.against_truth.pairs == 2 and scores.against_truth.consistency.count == 1
+
+
+def test_runs_without_readings_have_no_nis():
+    runs = monte_carlo(scenarios({**CALM, "poses": 20, "landmarks": {"count": 0}}, 2), known)
+    assert np.isnan(runs.nis)
+
+
+def test_nees_of_the_filter_is_that_of_evaluate(tmp_path, capsys):
+    """Covariances that are written have the frames that evaluate takes them for."""
+    config = tmp_path / "calm.yaml"
+    config.write_text(json.dumps({**CALM, "robot": {"noise": [0.05, 0.02, 0.01]}}))
+    graph, truth, estimate, poses = (str(tmp_path / name) for name in ("g.g2o", "t.g2o", "e.g2o", "c.npz"))
+    assert main(["simulate", str(config), "-o", graph, "--truth", truth]) == 0
+    capsys.readouterr()
+    assert main(["ekf", graph, "--truth", truth, "-o", estimate, "--covariances", poses, "--json"]) == 0
+    scores = json.loads(capsys.readouterr().out)["truth"]
+    words = ["evaluate", estimate, "--truth", truth, "--covariances", poses, "--align", "none", "--json"]
+    assert main(words) == 0
+    assert f'"mean": {scores["nees_mean"]!r}' in capsys.readouterr().out
+
+
+def test_true_landmarks_without_a_true_path():
+    result, log = filtered()
+    scores = judge(result, replace(log, true_trajectory=None))
+    assert scores.against_truth is None and scores.aligned is None
+    ids, positions = log.true_landmarks
+    error = result.landmarks.positions - positions[np.searchsorted(ids, result.landmarks.ids)]
+    assert scores.landmarks.matched == len(error) > 5
+    assert scores.landmarks.error.rmse == pytest.approx(np.sqrt(np.square(error).sum(axis=1).mean()))
+    document = ekf_document(log, EkfOptions(), result, scores, 0.0)
+    assert document["truth"]["landmark_rmse"] == scores.landmarks.error.rmse
+    assert any("the true path is not known" in line for line in ekf_summary(log, result, scores, "", 0.0))

@@ -7,6 +7,8 @@ The first tests after the lesson's are those that wrong implementations in the w
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ import slamcli
 from slamcli import models
 from slamcli.errors import NumericalError, UsageError
 from slamcli.filtering.ekf import keep_pose, predict, update
+from slamcli.filtering.estimate import landmark_ids
 from slamcli.filtering.innovation import SENSORS
 from slamcli.filtering.options import EkfOptions
 from slamcli.filtering.readings import Linearization, Reading, Sighting, Stream, linearize
@@ -443,6 +446,58 @@ def test_a_robot_on_its_landmark() -> None:
     result = run(log, EkfOptions())
     assert result.counts["undefined"] == 1
     assert np.isfinite(result.covariances).all()
+
+
+def test_a_first_reading_from_on_top_of_the_landmark_starts_nothing() -> None:
+    """Its bearing says nothing there: the next reading starts the landmark."""
+    poses = np.column_stack([np.arange(4.0), np.zeros(4), np.zeros(4)])
+    log = exact(models.RANGE_BEARING_2D, poses, np.array([[0.0, 0.0], [5.0, 5.0]]))
+    for association in ("known", "nearest", "jcbb"):
+        result = run(log, EkfOptions(association=association))
+        assert result.counts["undefined"] == 1
+        assert len(result.landmarks) == 2
+        assert np.isfinite(result.landmarks.positions).all() and np.isfinite(result.covariance()).all()
+
+
+def test_second_reading_of_the_first_step_is_gated_too() -> None:
+    poses = np.column_stack([np.arange(2.0), np.zeros(2), np.zeros(2)])
+    log = exact(models.RANGE_BEARING_2D, poses, np.array([[2.0, 3.0], [2.0, 3.0]]))
+    log.observations[0].landmarks[:] = 7
+    log.observations[0].measurements[1, 0] += 5.0
+    result = run(log, EkfOptions(gate_known=True))
+    assert result.counts["outlier"] == 1 and result.assignments[0][1] == -1
+
+
+def test_covariance_beyond_the_range_of_numbers() -> None:
+    log = exact(models.RANGE_BEARING_2D, a_path(), LANDMARKS)
+    with np.errstate(all="ignore"), pytest.raises(NumericalError):
+        run(log, EkfOptions(start_deviations=(1e200, 1.0, 1.0)))
+
+
+def test_an_interruption_before_the_first_step() -> None:
+    result = run(exact(models.RANGE_BEARING_2D, a_path(), LANDMARKS), EkfOptions(), interrupted=lambda: True)
+    assert result.interrupted and len(result.poses) == 1
+
+
+def test_ids_of_unknown_landmarks_are_not_those_of_the_truth() -> None:
+    """Or the errors of the map would be those of pairs that mean nothing."""
+    log = exact(models.RANGE_BEARING_2D, a_path(), LANDMARKS)
+    log.observations[0].landmarks[:] = -1
+    steps = len(log)
+    truth = (np.arange(steps, steps + len(LANDMARKS)), LANDMARKS)
+    result = run(replace(log, true_landmarks=truth), EkfOptions(association="nearest"))
+    assert not set(landmark_ids(result).tolist()) & {*truth[0].tolist(), *log.ids.tolist()}
+
+
+@pytest.mark.parametrize("last", [np.uint64(2**64 - 1), np.int64(2**63 - 1)])
+def test_new_ids_where_the_largest_ones_are_taken(last: np.integer[Any]) -> None:
+    log = exact(models.RANGE_BEARING_2D, a_path(), LANDMARKS)
+    log.observations[0].landmarks[:] = -1
+    ids = log.ids.astype(last.dtype)
+    ids[-1] = last
+    found = landmark_ids(run(replace(log, ids=ids), EkfOptions(association="nearest")))
+    assert len(set(found.tolist()) | {int(known) for known in ids}) == len(found) + len(ids)
+    assert (found >= 0).all()
 
 
 def test_an_interrupted_run_keeps_its_steps() -> None:

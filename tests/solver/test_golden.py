@@ -45,7 +45,7 @@ def test_reaches_the_best_known_optimum(row: Golden) -> None:
 
 @pytest.mark.parametrize("row", cases(BUNDLED))
 @pytest.mark.parametrize("method", ["gn", "lm", "dogleg"])
-@pytest.mark.parametrize("init", ["file", "odometry", "spanning-tree", "chordal"])
+@pytest.mark.parametrize("init", ["file", "odometry", "spanning-tree", "chordal", "auto"])
 def test_bundled(row: Golden, method: str, init: str) -> None:
     wanted = Golden(row.path, row.start, row.best, row.source, method, init)
     result = run(wanted, BUNDLED_FOLDER / row.path)

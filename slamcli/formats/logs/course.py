@@ -109,7 +109,7 @@ def _records(path: str, text: TokenizedText, lenient: bool) -> tuple[dict[bytes,
     values, lines = out[b"SENSOR"]
     wrong = (values[:, 0] != np.rint(values[:, 0])) | (values[:, 0] < 0.0) | (values[:, 0] >= 2.0**53)
     for line in lines[wrong].tolist():
-        refuse(line, 1, "expected the id of a landmark, a whole number")
+        refuse(line, 1, "expected the id of a landmark, a whole number from 0 to 2^53 - 1")
     out[b"SENSOR"] = values[~wrong], lines[~wrong]
     if defects and not lenient:
         raise ParseError(sorted(defects, key=lambda defect: (defect.line, defect.column)))
