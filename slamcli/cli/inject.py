@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from slamcli.cli.options import FILE, input_options, json_option, warn
+from slamcli.cli.options import FILE, check_outputs, input_options, json_option, warn
 from slamcli.cli.quantities import Numbers
 from slamcli.errors import UsageError
 
@@ -226,26 +226,15 @@ def _check_needs(context: click.Context, given: dict[str, Any]) -> None:
 
 
 def _check_streams(path: str, given: dict[str, Any]) -> None:
-    """Standard output carries one thing, standard input too, and no file is overwritten by another."""
-    for name in ("output", "labels"):
-        if given[name] in ("/dev/stdout", "/dev/fd/1"):
-            given[name] = "-"
-        if given[name] == "" or (given[name] or "").endswith("/"):
-            raise UsageError(f"--{name} needs the name of a file, got {given[name]!r}")
-    takers = [name for name in ("output", "labels") if given[name] == "-"] + ["json"] * given["json"]
-    if len(takers) > 1:
-        raise UsageError(
-            f"--{takers[0]} and --{takers[1]} both want standard output", ("  write one of them to a file",)
-        )
+    """Standard output carries one thing, standard input too, and no file is overwritten by another.
+
+    The graph may go where it came from.
+    """
+    check_outputs(given, ("output", "labels"), json=given["json"])
     if path == "-" and given["truth"] == "-":
         raise UsageError("INPUT and --truth both want standard input")
     files = {"INPUT": path, "--truth": given["truth"], "--output": given["output"], "--labels": given["labels"]}
     real = {name: os.path.realpath(file) for name, file in files.items() if file not in (None, "-")}
-    for one, other in (
-        ("--output", "--labels"),
-        ("INPUT", "--labels"),
-        ("--truth", "--labels"),
-        ("--truth", "--output"),
-    ):
+    for one, other in (("INPUT", "--labels"), ("--truth", "--labels"), ("--truth", "--output")):
         if one in real and real[one] == real.get(other):
             raise UsageError(f"{one} and {other} name the same file")

@@ -23,14 +23,7 @@ _SINGULAR = 1e-12
 
 def integrated(start: Array, displacement: Array) -> Array:
     """Poses (t, 3) of a robot that makes the displacements (t - 1, 3), each seen from the pose before."""
-    out = np.empty((len(displacement) + 1, 3))
-    out[0] = start
-    out[1:, 2] = start[2] + np.cumsum(displacement[:, 2])
-    cosine, sine = np.cos(out[:-1, 2]), np.sin(out[:-1, 2])
-    x, y = displacement[:, 0], displacement[:, 1]
-    out[1:, 0] = start[0] + np.cumsum(cosine * x - sine * y)
-    out[1:, 1] = start[1] + np.cumsum(sine * x + cosine * y)
-    return se2.normalize(out)
+    return se2.normalize(se2.chain(start, displacement))
 
 
 def integrated_covariance(poses: Array, start: Array, covariance: Array) -> Array:

@@ -62,6 +62,20 @@ def between(x: Array, y: Array) -> Array:
     return pack(c * u + s * v, c * v - s * u, so2.wrap(heading - theta))
 
 
+def chain(start: Array, steps: Array) -> Array:
+    """Return the poses (n + 1, 3) that begin at ``start`` (3,) and follow relative poses (n, 3): dead reckoning.
+
+    Headings are sums of turns and are not wrapped; positions are sums of rotated steps.
+    """
+    turned = np.zeros_like(steps, shape=len(steps) + 1)
+    turned[1:] = np.cumsum(steps[:, 2])
+    heading = start[2] + turned
+    c, s = np.cos(heading[:-1]), np.sin(heading[:-1])
+    x, y = c * steps[:, 0] - s * steps[:, 1], s * steps[:, 0] + c * steps[:, 1]
+    along, across = (np.concatenate([[0.0], np.cumsum(part)]) for part in (x, y))
+    return pack(start[0] + along, start[1] + across, heading)
+
+
 def act(x: Array, p: Array) -> Array:
     """Map points from the body frame to the world.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from slamcli.geometry import se2, se3, so2
+from slamcli.geometry import se2, se3
 from slamcli.models import SE3
 from slamcli.models.base import Array
 from slamcli.simulation.portable import portable
@@ -51,20 +51,9 @@ def guess(
 
 def integrate(start: Array, steps: Array) -> Array:
     """Poses (n, size) that begin at ``start`` (size,) and follow n - 1 relative poses."""
-    return _planar(start, steps) if steps.shape[1] == 3 else _spatial(start, steps)
-
-
-def _planar(start: Array, steps: Array) -> Array:
-    """Headings are sums of turns, positions are sums of rotated steps."""
-    heading = start[2] + np.concatenate([[0.0], np.cumsum(steps[:, 2])])
-    cosine, sine = np.cos(portable(heading[:-1])), np.sin(portable(heading[:-1]))
-    x = np.asarray(cosine * steps[:, 0] - sine * steps[:, 1])
-    y = np.asarray(sine * steps[:, 0] + cosine * steps[:, 1])
-    out = np.empty((len(steps) + 1, 3))
-    out[:, 0] = start[0] + np.concatenate([[0.0], np.cumsum(x)])
-    out[:, 1] = start[1] + np.concatenate([[0.0], np.cumsum(y)])
-    out[:, 2] = so2.wrap(heading)
-    return portable(out)
+    if steps.shape[1] == 3:
+        return portable(se2.normalize(se2.chain(start, portable(steps))))
+    return _spatial(start, steps)
 
 
 def _spatial(start: Array, steps: Array) -> Array:

@@ -184,12 +184,7 @@ def _turned(measured: Array, angle: Array) -> Array:
 
 def _carried(covariance: Array, by: Array) -> Array:
     """Covariances (m, 3, 3) of poses, of the poses a further step away: A C A^T with A the adjoint of the way back."""
-    x, y, turn = by[:, 0], by[:, 1], portable(by[:, 2])
-    cosine, sine = np.asarray(np.cos(turn)), np.asarray(np.sin(turn))
-    a = np.zeros((len(by), 3, 3))
-    a[:, 0, 0] = a[:, 1, 1] = cosine
-    a[:, 0, 1], a[:, 1, 0] = sine, -sine
-    a[:, 0, 2], a[:, 1, 2], a[:, 2, 2] = sine * x - cosine * y, sine * y + cosine * x, 1.0
+    a = np.asarray(se2.adjoint(portable(se2.inverse(portable(by)))))
     return _product(_product(a, covariance), a.transpose(0, 2, 1))
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from slamcli.geometry import so2
+from slamcli.geometry import se2, so2
 from slamcli.graph.columns import IdArray, IndexArray
 from slamcli.models.base import Array
 
@@ -51,13 +51,7 @@ def union(odometry: Array, readings: Array) -> Timeline:
 
 def integrate(displacements: Array, start: Array | None = None) -> Array:
     """Dead reckoning: the poses (t, 3) that displacements (t - 1, 3) lead through; headings are not wrapped."""
-    first = np.zeros(3) if start is None else start
-    heading = first[2] + np.concatenate([[0.0], np.cumsum(displacements[:, 2])])
-    cosine, sine = np.cos(heading[:-1]), np.sin(heading[:-1])
-    x, y = displacements[:, 0], displacements[:, 1]
-    along = first[0] + np.concatenate([[0.0], np.cumsum(cosine * x - sine * y)])
-    across = first[1] + np.concatenate([[0.0], np.cumsum(sine * x + cosine * y)])
-    return so2.pack(along, across, heading)
+    return se2.chain(np.zeros(3) if start is None else start, displacements)
 
 
 def interpolate(stamps: Array, poses: Array, times: Array) -> Array:
