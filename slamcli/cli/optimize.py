@@ -20,8 +20,9 @@ from slamcli.cli.options import (
     worst_option,
 )
 from slamcli.cli.process import interruptible, peak_memory
-from slamcli.errors import ExitCode, UsageError
-from slamcli.solver.options import INITS, LINEAR_SOLVERS, METHODS, ORDERINGS, SCALINGS, OptimizeOptions
+from slamcli.cli.solver_options import options_of, solver_options
+from slamcli.errors import ExitCode
+from slamcli.solver.options import OptimizeOptions
 
 _EXAMPLES = """\b
 Examples:
@@ -41,48 +42,7 @@ is written).
 @click.command(name="optimize", epilog=_EXAMPLES)
 @input_options
 @click.option("-o", "--output", type=FILE, metavar="FILE", help="Write the optimized graph; - is standard output.")
-@click.option(
-    "--method",
-    type=click.Choice(METHODS),
-    default="gn",
-    show_default=True,
-    help="Gauss-Newton, Levenberg-Marquardt or Powell's dogleg.",
-)
-@click.option(
-    "--init",
-    type=click.Choice(INITS),
-    default="file",
-    show_default=True,
-    help="Where to start; all but file need no guess, and chordal is the best of those. auto takes the best of the "
-    "file's values and two chordal starts after one step.",
-)
-@click.option(
-    "--max-iterations", type=click.IntRange(min=0), default=100, show_default=True, help="Budget of iterations."
-)
-@click.option(
-    "--tolerance",
-    type=float,
-    default=1e-9,
-    show_default=True,
-    help="Converged when the relative decrease of chi2, the last or what is still to come, is below this.",
-)
-@click.option("--time-limit", type=float, metavar="S", help="Budget of seconds for the iterations.")
-@click.option("--fix", type=int, multiple=True, metavar="ID", help="Hold this variable; may be given several times.")
-@click.option("--ordering", type=click.Choice(ORDERINGS), default="amd", show_default=True, help="Elimination order.")
-@click.option(
-    "--linear-solver",
-    type=click.Choice(LINEAR_SOLVERS),
-    default="cholmod",
-    show_default=True,
-    help="Sparse factorization.",
-)
-@click.option(
-    "--scaling",
-    type=click.Choice(SCALINGS),
-    default="none",
-    show_default=True,
-    help="Damping of lm: lambda on the diagonal (none, as g2o) or lambda times the diagonal.",
-)
+@solver_options
 @click.option("--config", type=FILE, metavar="FILE", help="YAML file with values for the options above; flags beat it.")
 @click.option(
     "--trace", type=FILE, metavar="FILE", help="Write one JSON line for each iteration; - is standard output."
@@ -102,7 +62,7 @@ def command(context: click.Context, /, input: str, **given: Any) -> int:
     """
     check_outputs(given, ("output", "trace"), json=given["json"])
     given = merge_config(context, given["config"], given, OptimizeOptions.names())
-    options = _options({name: given[name] for name in OptimizeOptions.names()})
+    options = options_of({name: given[name] for name in OptimizeOptions.names()})
     return _optimize(input, options, given)
 
 
@@ -182,25 +142,6 @@ def _worst(result: Any, count: int) -> list[Any]:
     from slamcli.graph.describe import worst_edges
 
     return worst_edges(result.graph, count)
-
-
-def _options(values: dict[str, Any]) -> OptimizeOptions:
-    """Checked options: a config file may hold anything."""
-    wanted: dict[str, type | tuple[type, ...]] = {
-        "max_iterations": int,
-        "tolerance": (int, float),
-        "time_limit": (int, float, type(None)),
-    }
-    for name, kind in wanted.items():
-        if not isinstance(values[name], kind) or isinstance(values[name], bool):
-            hint = ("  YAML reads 1e-9 as text: write 1.0e-9",) if isinstance(values[name], str) else ()
-            raise UsageError(f"{name} must be a number, got {values[name]!r}", hint)
-        if isinstance(values[name], (int, float)) and not abs(values[name]) < 1e300:
-            raise UsageError(f"{name} must be a finite number")
-    fix = values["fix"] if isinstance(values["fix"], (list, tuple)) else [values["fix"]]
-    if not all(isinstance(i, int) and not isinstance(i, bool) for i in fix):
-        raise UsageError(f"fix must be a list of ids, got {values['fix']!r}")
-    return OptimizeOptions(**{**values, "fix": tuple(fix)})
 
 
 def _watcher(edges: int, given: dict[str, Any]) -> Any:

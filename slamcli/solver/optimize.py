@@ -16,9 +16,9 @@ from slamcli.solver.backends import NotPositiveDefiniteError
 from slamcli.solver.initialization import initialize
 from slamcli.solver.linear_system import LinearSystem
 from slamcli.solver.options import OptimizeOptions
+from slamcli.solver.policies.steps import Step
 from slamcli.solver.problem import Problem
 from slamcli.solver.result import IterationRecord, Result, Status
-from slamcli.solver.steps import Step
 from slamcli.solver.stopwatch import Stopwatch
 from slamcli.solver.termination import Termination, Verdict
 

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from slamcli.solver.options import OptimizeOptions
+from slamcli.solver.policies.steps import Step
 from slamcli.solver.problem import FullStep
 from slamcli.solver.result import Status
-from slamcli.solver.steps import Step
 
 #: A decrease below this share of chi2, or below that share of chi2 at the start, is rounding.
 _ROUNDING, _ROUNDING_AT_START = 1e-14, 1e-17

@@ -12,8 +12,8 @@ from support import dataset
 import slamcli
 from slamcli import models
 from slamcli.graph import FactorGraph, Factors
-from slamcli.solver import chordal, gauge, rotations
-from slamcli.solver.initialization import initialize
+from slamcli.solver import gauge
+from slamcli.solver.initialization import chordal, initialize, rotations
 from slamcli.solver.result import Result, Status
 
 SETS = ("manhattan_small.g2o", "sphere_small.g2o", "landmarks_small.g2o", "square_toro.graph")

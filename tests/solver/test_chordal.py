@@ -15,8 +15,8 @@ from slamcli.geometry import se2, se3, so3
 from slamcli.graph import FactorGraph, Factors
 from slamcli.graph.columns import Values
 from slamcli.models.base import Array
-from slamcli.solver import chordal, gauge, rotations
-from slamcli.solver.initialization import initialize
+from slamcli.solver import gauge
+from slamcli.solver.initialization import chordal, initialize, rotations
 
 # --- exact without noise ---------------------------------------------------------------------------------------------
 

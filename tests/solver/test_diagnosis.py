@@ -10,9 +10,9 @@ import slamcli
 from slamcli.solver import policies
 from slamcli.solver.backends import NotPositiveDefiniteError
 from slamcli.solver.linear_system import LinearSystem
+from slamcli.solver.policies.steps import Step
 from slamcli.solver.problem import Problem
 from slamcli.solver.result import Result, Status
-from slamcli.solver.steps import Step
 
 INFO = "1 0 0 1 0 1"
 TWO_POSES = f"VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 1 0 0\nEDGE_SE2 0 1 1 0 0 {INFO}\n"

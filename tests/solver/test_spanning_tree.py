@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from slamcli.solver.spanning_tree import Edges, breadth_first, least_uncertain
+from slamcli.solver.initialization.spanning_tree import Edges, breadth_first, least_uncertain
 
 
 def random_edges(seed: int, nodes: int = 30, count: int = 70) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

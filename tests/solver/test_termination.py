@@ -14,9 +14,9 @@ from slamcli.errors import InputError, UsageError
 from slamcli.graph import FactorGraph
 from slamcli.solver.linear_system import LinearSystem
 from slamcli.solver.options import OptimizeOptions
+from slamcli.solver.policies.steps import Step
 from slamcli.solver.problem import FullStep
 from slamcli.solver.result import IterationRecord, Result, Status
-from slamcli.solver.steps import Step
 from slamcli.solver.termination import Termination
 
 Check = Callable[[Result], bool]

@@ -16,10 +16,10 @@ from slamcli.graph import FactorGraph, Variables
 from slamcli.graph.columns import BoolArray, IndexArray, Values
 from slamcli.models import VariableKind
 from slamcli.models.base import Array
-from slamcli.solver import candidates, chordal, spanning_tree
 from slamcli.solver.backends import NotPositiveDefiniteError
-from slamcli.solver.candidates import Candidate
 from slamcli.solver.gauge import Held
+from slamcli.solver.initialization import candidates, chordal, spanning_tree
+from slamcli.solver.initialization.candidates import Candidate
 from slamcli.solver.options import OptimizeOptions
 from slamcli.solver.problem import Problem
 from slamcli.solver.stopwatch import Stopwatch

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from slamcli.solver.dogleg import Dogleg
-from slamcli.solver.gauss_newton import GaussNewton
-from slamcli.solver.levenberg_marquardt import LevenbergMarquardt
 from slamcli.solver.options import OptimizeOptions
-from slamcli.solver.steps import Policy
+from slamcli.solver.policies.dogleg import Dogleg
+from slamcli.solver.policies.gauss_newton import GaussNewton
+from slamcli.solver.policies.levenberg_marquardt import LevenbergMarquardt
+from slamcli.solver.policies.steps import Policy
 
 
 def make(options: OptimizeOptions) -> Policy:

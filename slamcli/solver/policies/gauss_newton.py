@@ -6,8 +6,8 @@ import numpy as np
 
 from slamcli.models.base import norm
 from slamcli.solver.linear_system import LinearSystem
+from slamcli.solver.policies.steps import Step
 from slamcli.solver.problem import Problem
-from slamcli.solver.steps import Step
 
 
 class GaussNewton:

@@ -12,9 +12,9 @@ import numpy as np
 from slamcli.graph import FactorGraph, Variables
 from slamcli.graph.columns import BoolArray, Values
 from slamcli.models.information import indefinite
-from slamcli.solver import landmark_rotations, positions, rotations
 from slamcli.solver.gauge import Held
-from slamcli.solver.rotations import Rotations
+from slamcli.solver.initialization import landmark_rotations, positions, rotations
+from slamcli.solver.initialization.rotations import Rotations
 
 
 def relax(graph: FactorGraph, held: Held, *, equal: bool = False) -> tuple[Values, dict[str, BoolArray], str]:

@@ -26,9 +26,15 @@ from slamcli.graph.topology import component_labels
 from slamcli.models import FactorKind, VariableKind
 from slamcli.models.base import Array
 from slamcli.solver import gauge
-from slamcli.solver.block_system import BlockSystem, Terms
-from slamcli.solver.positions import as_points
-from slamcli.solver.rotations import Rotations, pose_priors, projected, rotation_matrices, rotation_weight
+from slamcli.solver.initialization.block_system import BlockSystem, Terms
+from slamcli.solver.initialization.positions import as_points
+from slamcli.solver.initialization.rotations import (
+    Rotations,
+    pose_priors,
+    projected,
+    rotation_matrices,
+    rotation_weight,
+)
 
 #: A weight below this share of the largest of its kind is raised to it.
 _LEAST_WEIGHT = 1e-9

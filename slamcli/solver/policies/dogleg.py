@@ -10,8 +10,8 @@ import numpy as np
 
 from slamcli.models.base import Array, dot, norm
 from slamcli.solver.linear_system import LinearSystem
+from slamcli.solver.policies.steps import Step
 from slamcli.solver.problem import Problem
-from slamcli.solver.steps import Step
 
 _INITIAL_RADIUS = 1e4
 _TRIALS = 100

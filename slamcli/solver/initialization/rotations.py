@@ -22,7 +22,7 @@ from slamcli.graph.columns import BoolArray, IndexArray
 from slamcli.graph.topology import component_labels
 from slamcli.models import VariableKind
 from slamcli.models.base import Array
-from slamcli.solver.block_system import BlockSystem, Nodes, Terms
+from slamcli.solver.initialization.block_system import BlockSystem, Nodes, Terms
 
 #: A weight below this share of the largest is raised to it: an edge without information on rotation still connects.
 _LEAST_WEIGHT = 1e-9

@@ -20,9 +20,9 @@ from slamcli.graph import FactorGraph, Factors, Variables
 from slamcli.graph.columns import BoolArray, IndexArray, Values
 from slamcli.graph.topology import component_labels
 from slamcli.models.base import Array
-from slamcli.solver.block_system import Nodes, Terms
 from slamcli.solver.gauge import Held
-from slamcli.solver.rotations import Rotations
+from slamcli.solver.initialization.block_system import Nodes, Terms
+from slamcli.solver.initialization.rotations import Rotations
 
 #: Bearings place a point where the lesser eigenvalue of their normal matrix is at least this share of the greater.
 _LEAST_PARALLAX = 1e-4

@@ -14,8 +14,8 @@ import numpy as np
 from slamcli.models.base import dot, norm
 from slamcli.solver.backends import NotPositiveDefiniteError
 from slamcli.solver.linear_system import LinearSystem
+from slamcli.solver.policies.steps import Step
 from slamcli.solver.problem import Problem
-from slamcli.solver.steps import Step
 
 _INITIAL = 1e-5  # of the largest diagonal entry of H, as in g2o
 _TRIALS = 10

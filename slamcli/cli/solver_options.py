@@ -1,0 +1,85 @@
+"""The options of the solver: what is minimized how, from where and for how long."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+import click
+
+from slamcli.errors import UsageError
+from slamcli.solver.options import INITS, LINEAR_SOLVERS, METHODS, ORDERINGS, SCALINGS, OptimizeOptions
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def solver_options(function: F) -> F:
+    """``--method --init --max-iterations --tolerance --time-limit --fix --ordering --linear-solver --scaling``."""
+    function = click.option(
+        "--scaling",
+        type=click.Choice(SCALINGS),
+        default="none",
+        show_default=True,
+        help="Damping of lm: lambda on the diagonal (none, as g2o) or lambda times the diagonal.",
+    )(function)
+    function = click.option(
+        "--linear-solver",
+        type=click.Choice(LINEAR_SOLVERS),
+        default="cholmod",
+        show_default=True,
+        help="Sparse factorization.",
+    )(function)
+    function = click.option(
+        "--ordering", type=click.Choice(ORDERINGS), default="amd", show_default=True, help="Elimination order."
+    )(function)
+    function = click.option(
+        "--fix", type=int, multiple=True, metavar="ID", help="Hold this variable; may be given several times."
+    )(function)
+    function = click.option("--time-limit", type=float, metavar="S", help="Budget of seconds for the iterations.")(
+        function
+    )
+    function = click.option(
+        "--tolerance",
+        type=float,
+        default=1e-9,
+        show_default=True,
+        help="Converged when the relative decrease of chi2, the last or what is still to come, is below this.",
+    )(function)
+    function = click.option(
+        "--max-iterations", type=click.IntRange(min=0), default=100, show_default=True, help="Budget of iterations."
+    )(function)
+    function = click.option(
+        "--init",
+        type=click.Choice(INITS),
+        default="file",
+        show_default=True,
+        help="Where to start; all but file need no guess, and chordal is the best of those. auto takes the best of the "
+        "file's values and two chordal starts after one step.",
+    )(function)
+    function = click.option(
+        "--method",
+        type=click.Choice(METHODS),
+        default="gn",
+        show_default=True,
+        help="Gauss-Newton, Levenberg-Marquardt or Powell's dogleg.",
+    )(function)
+    return function
+
+
+def options_of(values: dict[str, Any]) -> OptimizeOptions:
+    """Checked options: a config file may hold anything."""
+    wanted: dict[str, type | tuple[type, ...]] = {
+        "max_iterations": int,
+        "tolerance": (int, float),
+        "time_limit": (int, float, type(None)),
+    }
+    for name, kind in wanted.items():
+        if not isinstance(values[name], kind) or isinstance(values[name], bool):
+            hint = ("  YAML reads 1e-9 as text: write 1.0e-9",) if isinstance(values[name], str) else ()
+            raise UsageError(f"{name} must be a number, got {values[name]!r}", hint)
+        if isinstance(values[name], (int, float)) and not abs(values[name]) < 1e300:
+            raise UsageError(f"{name} must be a finite number")
+    fix = values["fix"] if isinstance(values["fix"], (list, tuple)) else [values["fix"]]
+    if not all(isinstance(i, int) and not isinstance(i, bool) for i in fix):
+        raise UsageError(f"fix must be a list of ids, got {values['fix']!r}")
+    return OptimizeOptions(**{**values, "fix": tuple(fix)})
