@@ -9,6 +9,7 @@ With e(x + J delta) to first order, chi2(x (+) delta) = chi2 + 2 g^T delta + del
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -19,6 +20,7 @@ from slamcli.graph.columns import IndexArray, Values
 from slamcli.models.base import Array
 from slamcli.solver import pattern as patterns
 from slamcli.solver.gauge import Held
+from slamcli.solver.robust.loss import Loss, Losses
 from slamcli.solver.stopwatch import Stopwatch
 
 #: Numbers in one of a batch's arrays: a few of these together stay within a core's second-level cache.
@@ -34,7 +36,7 @@ class LinearSystem:
     values
         The state.
     chi2
-        Sum of e^T Omega e there.
+        Sum of e^T Omega e there (of the losses, where there are any).
     hessian
         Stored values of the upper blocks of H, in the order of the pattern.
     gradient
@@ -70,15 +72,20 @@ class Linearizer:
         Which variables do not move.
     stopwatch
         Where the time goes.
+    losses
+        What the squared residuals count, for each column of factors; None for plain least squares.
     """
 
-    def __init__(self, graph: FactorGraph, held: Held, stopwatch: Stopwatch) -> None:
+    def __init__(self, graph: FactorGraph, held: Held, stopwatch: Stopwatch, losses: Losses | None = None) -> None:
         self.graph = graph
+        self.losses: Losses = losses or [None] * len(graph.factors)
         self.stopwatch = stopwatch
         self.free = {name: np.flatnonzero(~held[name]) for name in graph.variables}
         self.pattern, targets = patterns.build(graph, held)
         self._batches = [
-            batch for factors, slots in zip(graph.factors, targets, strict=True) for batch in _batches(factors, slots)
+            batch
+            for factors, slots, loss in zip(graph.factors, targets, self.losses, strict=True)
+            for batch in _batches(factors, slots, loss)
         ]
 
     def linearize(self, values: Values) -> LinearSystem:
@@ -96,7 +103,10 @@ class Linearizer:
     def chi2(self, values: Values) -> float:
         """chi2 at a state, without the derivatives."""
         with self.stopwatch.phase("linearize"):
-            return self.graph.chi2(values)
+            return math.fsum(
+                float(_cost(factors.chi2(values), loss).sum())
+                for factors, loss in zip(self.graph.factors, self.losses, strict=True)
+            )
 
     def retract(self, values: Values, delta: Array) -> Values:
         """The state after a tangent step (dimension,) of the free variables."""
@@ -116,8 +126,11 @@ class Linearizer:
 class _Batch:
     """Factors that are linearized together, with buffers for ``[J_1 ... J_n, e]`` and the products with it."""
 
-    def __init__(self, factors: Factors, targets: list[IndexArray], workspace: _Workspace) -> None:
+    def __init__(
+        self, factors: Factors, targets: list[IndexArray], workspace: _Workspace, loss: Loss | None, rows: slice
+    ) -> None:
         self._factors = factors
+        self._loss, self._rows = loss, rows
         self._targets = [slot.ravel() for slot in targets]
         m = len(factors)
         self._augmented, self._weighted = workspace.augmented[:m], workspace.weighted[:m]
@@ -130,16 +143,20 @@ class _Batch:
         ]
 
     def linearize(self, values: Values) -> float:
-        """Fill the buffers at a state and return the chi2 of the batch."""
+        """Fill the buffers at a state and return the chi2 (the cost, where there is a loss) of the batch."""
         factors = self._factors
         residual = self._augmented[:, :, -1]
         factors.kind.linearize_into(
             residual, self._jacobians, factors.gather(values), factors.measurements, factors.parameters
         )
         np.matmul(factors.information, self._augmented, out=self._weighted)
+        cost = np.vecdot(residual, self._weighted[:, :, -1])
+        if self._loss is not None:
+            cost, weight = self._loss.evaluate(cost, self._rows)
+            self._weighted *= weight[:, None, None]
         for transposed, weighted, product in self._products:
             np.matmul(transposed, weighted, out=product)
-        return float(np.vecdot(residual, self._weighted[:, :, -1]).sum())
+        return float(cost.sum())
 
     def add_to(self, total: Array) -> None:
         """Add the products to the stored values of H and the gradient."""
@@ -155,11 +172,16 @@ class _Workspace:
         self.products = [np.empty(shape[0] * slot.shape[1] * slot.shape[2]) for slot in targets]
 
 
-def _batches(factors: Factors, targets: list[IndexArray]) -> Iterator[_Batch]:
+def _batches(factors: Factors, targets: list[IndexArray], loss: Loss | None) -> Iterator[_Batch]:
     """Cut a column of factors into batches."""
     width = 1 + sum(kind.dimension for kind in factors.kind.variables)
     size = min(len(factors), max(256, _BATCH_NUMBERS // (factors.kind.dimension * width)))
     workspace = _Workspace((size, factors.kind.dimension, width), targets)
     for start in range(0, len(factors), size):
         rows = slice(start, start + size)
-        yield _Batch(factors.part(rows), [slot[rows] for slot in targets], workspace)
+        yield _Batch(factors.part(rows), [slot[rows] for slot in targets], workspace, loss, rows)
+
+
+def _cost(squared: Array, loss: Loss | None) -> Array:
+    """What squared residuals (n,) of a whole column count."""
+    return squared if loss is None else loss.evaluate(squared, slice(None))[0]

@@ -14,6 +14,7 @@ from slamcli.solver import backends, ordering, symbolic
 from slamcli.solver.gauge import Held
 from slamcli.solver.linear_system import Linearizer, LinearSystem
 from slamcli.solver.options import OptimizeOptions
+from slamcli.solver.robust.loss import Losses
 from slamcli.solver.stopwatch import Stopwatch
 from slamcli.solver.symbolic import Sparsity
 
@@ -53,13 +54,22 @@ class Problem:
         Ordering and linear solver.
     stopwatch
         Where the time goes.
+    losses
+        What the squared residuals count, for each column of factors; None for plain least squares.
     """
 
-    def __init__(self, graph: FactorGraph, held: Held, options: OptimizeOptions, stopwatch: Stopwatch) -> None:
+    def __init__(
+        self,
+        graph: FactorGraph,
+        held: Held,
+        options: OptimizeOptions,
+        stopwatch: Stopwatch,
+        losses: Losses | None = None,
+    ) -> None:
         self.stopwatch = stopwatch
         self.options = options
         with stopwatch.phase("pattern"):
-            self._linearizer = Linearizer(graph, held, stopwatch)
+            self._linearizer = Linearizer(graph, held, stopwatch, losses)
         self.pattern = self._linearizer.pattern
         with stopwatch.phase("order"):
             self._block_order = ordering.order(options.ordering, self.pattern)

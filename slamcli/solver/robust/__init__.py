@@ -1,0 +1,1 @@
+"""Estimation that survives false loop closures: losses, switches, graduated non-convexity, consistent sets."""
