@@ -34,8 +34,8 @@ format: $(VENV)/.stamp-dev ## format the code and mend what ruff can mend
 	$(BIN)/ruff check --fix-only
 	$(BIN)/ruff format
 
-bench: $(VENV)/.stamp-peers ## compare speed and results with other solvers
-	$(BIN)/python -m benchmarks.run $(ARGS)
+bench: $(VENV)/.stamp-peers ## compare with other solvers; BENCH=optimum, certificate, ... picks a comparison
+	$(BIN)/python -m benchmarks.$(or $(BENCH),run) $(ARGS)
 
 docs: $(VENV)/.stamp-dev ## regenerate docs/cli.md
 	$(BIN)/python docs/generate_cli.py

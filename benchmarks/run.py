@@ -21,6 +21,7 @@ from pathlib import Path
 import numpy as np
 
 import slamcli
+from benchmarks.tables import ms, print_table
 from slamcli.solver import gauge, policies
 from slamcli.solver.initialization import initialize
 from slamcli.solver.options import OptimizeOptions
@@ -47,19 +48,6 @@ WHOLE = (
 PEERS = tuple(name for name in ("g2opy", "gtsam") if importlib.util.find_spec(name))
 
 
-def ms(values: list[float]) -> str:
-    """Median and range in milliseconds."""
-    return f"{statistics.median(values) * 1e3:.1f} ({min(values) * 1e3:.1f} to {max(values) * 1e3:.1f})"
-
-
-def table(title: str, header: tuple[str, ...], rows: list[tuple[str, ...]]) -> None:
-    """Print a Markdown table."""
-    print(f"\n## {title}\n")
-    for row in (header, tuple("---" for _ in header), *rows):
-        print("| " + " | ".join(row) + " |")
-    sys.stdout.flush()
-
-
 def iterations(folder: Path, runs: int) -> None:
     """One Gauss-Newton iteration over CHOLMOD's numeric factorization alone of the same matrix."""
     from cvxopt import cholmod
@@ -71,7 +59,7 @@ def iterations(folder: Path, runs: int) -> None:
         values, _ = initialize(graph, start, held)
         stopwatch = Stopwatch()
         problem = Problem(graph, held, OptimizeOptions(), stopwatch)
-        policy = policies.make(OptimizeOptions())
+        policy = policies.make(OptimizeOptions(method="gn"))
         now = problem.linearize(values)
         policy.step(problem, now)
         stopwatch.seconds.clear()
@@ -88,7 +76,7 @@ def iterations(folder: Path, runs: int) -> None:
         parts = ", ".join(f"{k} {v / len(whole) * 1e3:.2f}" for k, v in stopwatch.seconds.items())
         rows.append((name, ms(whole), ms(alone), f"{ratio:.2f}", f"{goal}", parts))
     header = ("data set", "iteration, ms", "factorization alone, ms", "ratio", "goal", "mean ms by phase")
-    table("One Gauss-Newton iteration", header, rows)
+    print_table("One Gauss-Newton iteration", header, rows)
 
 
 def worker(tool: str, path: Path, count: int, result: Path) -> dict[str, float]:
@@ -143,7 +131,7 @@ def whole(folder: Path, scratch: Path, runs: int) -> None:
             done = f"{found[0]['iterations']:.0f}"
             rows.append((f"{name} ({start})", tool, ms(times), done, f"{reached[tool]:.6g}", f"{ratio:.2f}"))
     header = ("data set (start)", "tool", "solve, ms", "iterations", "chi2 (ours) of the result", "slamcli / tool")
-    table("Whole optimization, Gauss-Newton, after loading", header, rows)
+    print_table("Whole optimization, Gauss-Newton, after loading", header, rows)
 
 
 def write_world(path: Path, poses: int, closures: int) -> None:
@@ -178,7 +166,7 @@ def loading(folder: Path, scratch: Path, runs: int) -> None:
             memory = max(outcome["memory_mb"] for outcome in found)
             rows.append((path.name, tool, ms(times), f"{ratio:.2f}", f"{memory:.0f}"))
     header = ("file", "tool", "load, ms", "slamcli / tool", "peak of the process, MB")
-    table("Loading", header, rows)
+    print_table("Loading", header, rows)
 
 
 def start_up(scratch: Path, runs: int) -> None:
@@ -208,7 +196,7 @@ def start_up(scratch: Path, runs: int) -> None:
         ratio = statistics.median(a / b for a, b in zip(first, second, strict=True))
         name = " ".join(["slamcli", *ours[1:2]])
         rows.append((name, ms(first), " ".join(["python", *theirs[1:]]), ms(second), f"{ratio:.2f}", f"{goal}"))
-    table("Start-up, whole processes", ("command", "ms", "against", "ms", "ratio", "goal"), rows)
+    print_table("Start-up, whole processes", ("command", "ms", "against", "ms", "ratio", "goal"), rows)
 
 
 def filtering(runs: int) -> None:
@@ -216,7 +204,7 @@ def filtering(runs: int) -> None:
     from benchmarks.filter import update_costs
 
     header = ("landmarks", "read and write of the triangle, ms", "update, ms", "ratio")
-    table("EKF update", header, update_costs(runs))
+    print_table("EKF update", header, update_costs(runs))
 
 
 def main() -> None:

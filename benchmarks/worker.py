@@ -23,9 +23,9 @@ def slamcli(path: str, iterations: int, result: str) -> dict[str, float]:
     load = time.perf_counter() - started
     if iterations == 0:
         return {"load": load}
-    optimize(graph, max_iterations=iterations, tolerance=TOLERANCE)
+    optimize(graph, method="gn", init="file", max_iterations=iterations, tolerance=TOLERANCE)
     started = time.perf_counter()
-    outcome = optimize(graph, max_iterations=iterations, tolerance=TOLERANCE)
+    outcome = optimize(graph, method="gn", init="file", max_iterations=iterations, tolerance=TOLERANCE)
     solve = time.perf_counter() - started
     write(outcome.graph, result)
     return {"load": load, "solve": solve, "iterations": outcome.iterations}

@@ -40,14 +40,35 @@ VECTOR_EDGES = {
 }
 # The same of tags that g2o does not know. The point 10 is at (1.9, 1.3) from pose 0, which looks along 0.3: its range
 # is sqrt(5.3) = 2.302173, its bearing atan2(1.3, 1.9) - 0.3 = 0.300050, and the residual (0.097827, 0.099950).
+# Vertigo's edges are those of g2o above, with a quarter of their chi2 at a switch of one half.
 SENSOR_EDGES = {
     "EDGE_SE2_RB 0 10 2.4 0.4 10 1 100": 1.114253,
     "EDGE_BEARING_SE2_RB 0 10 2.4 0.4 10 0 100": 1.094697,
     "LANDMARK2:RB 0 10 2.4 0.4 10 0 0": 0.095701,
     "EDGE_RANGE_SE2_XY 0 10 2.4 10": 0.095701,
+    "EDGE_SE2_SWITCHABLE 0 1 40 1.0 0.1 -0.5 10 1 0.5 20 0.2 30": 0.709651,
+    "EDGE_SE3_SWITCHABLE 20 21 40 1 0.1 0.05 -0.1 0.05 0.1 0.9886858"
+    " 10 0 0 0 0 0.3 11 0 0 0 0 12 0 0 0 40 0 0 50 0 60": 3.570669,
+    "EDGE_SWITCH_PRIOR 40 1 4": 1.0,
 }
-EDGES = VECTOR_EDGES | SENSOR_EDGES
-vectors = VECTOR_VARIABLES + "".join(f"{edge}\n" for edge in EDGES)
+# What cameras see, by the formulas of g2o's master: from the pose of 20 the point 30 is at (0.278111, 2.410945, 4.5).
+# With fx fy cx cy = 500 510 320 240 and a baseline of 0.1 m, u = 350.901169, v = 513.240404 and u_right = 339.790058;
+# with f = 500 for both, v = 507.882749.
+CAMERA_VARIABLES = """\
+PARAMS_CAMERAPARAMETERS 3 500 320 240 0.1
+VERTEX_CAM 50 0.1 0.2 0.3 0.1 0.2 0.3 0.9273618495495703 500 510 320 240 0.1
+VERTEX_SE3:EXPMAP 51 0.1 0.2 0.3 0.1 0.2 0.3 0.9273618495495703
+VERTEX_XYZ 52 1 2 5
+VERTEX_POINT_XYZ 53 1 2 5
+"""
+CAMERA_EDGES = {
+    "EDGE_PROJECT_P2MC 30 50 400 420 1 0 1": 11104.468122,
+    "EDGE_PROJECT_P2SC 52 50 400 420 390 1 0 0 1 0 1": 13625.506416,
+    "EDGE_PROJECT_XYZ2UV:EXPMAP 53 51 3 400 420 1 0 1": 10134.072761,
+}
+EDGES = VECTOR_EDGES | SENSOR_EDGES | CAMERA_EDGES
+VARIABLES = VECTOR_VARIABLES + CAMERA_VARIABLES + "VERTEX_SWITCH 40 0.5\n"
+vectors = VARIABLES + "".join(f"{edge}\n" for edge in EDGES)
 
 
 def dataset(relative_path: str) -> Path:

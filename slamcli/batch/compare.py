@@ -23,7 +23,7 @@ from slamcli.filtering.estimate import estimated_graph
 from slamcli.filtering.options import EkfOptions
 from slamcli.filtering.result import EkfResult
 from slamcli.filtering.run import run
-from slamcli.filtering.smoother_graph import evenly_spread, first_seen, start_covariance
+from slamcli.filtering.smoother_graph import first_seen, start_covariance
 from slamcli.formats.covariances import Covariances
 from slamcli.graph import FactorGraph, Variables
 from slamcli.graph.columns import BoolArray, IndexArray, finite_rows
@@ -34,8 +34,6 @@ from slamcli.models.base import Array
 
 ALIGNMENTS = ("none", "origin", "se")
 NAMES = ("dead reckoning", "filter", "smoother")
-#: Up to so many unknowns the smoother's covariances are those of all poses, above that of this many of them.
-SMALL, SAMPLED = 3000, 500
 #: The first pose may be this far off the truth, in metres and degrees, before the output says that the frames differ.
 _OFF = (0.1, 1.0)
 
@@ -115,7 +113,7 @@ class Comparison:
     methods
         Dead reckoning, filter, smoother.
     sampled
-        (s,) steps of the poses with covariances.
+        (s,) steps of the poses with covariances: those that are variables of the smoother.
     run, smoothed
         Filter and smoother.
     covariance_seconds
@@ -182,7 +180,7 @@ def compare(
         )
     smoothed = smooth(log, options, result)
     tick()
-    sampled = _sampled(smoothed)
+    sampled = smoothed.built.kept
     begin = time.perf_counter()
     covariances, landmark_covariances = smoothed.covariances(sampled)
     covariance_seconds = time.perf_counter() - begin
@@ -212,7 +210,7 @@ def compare(
     step = closing_step(log, options, result, closure)
     closed = None if step is None else closing(log, options, result, step)
     tick()
-    notes = [*log.notes, *_notes(log, smoothed, sampled)]
+    notes = [*log.notes, *_notes(log, smoothed)]
     if closed is None:
         notes.append("no landmark is seen again after a long absence: there is no loop closure to take apart")
     truth = true_trajectory(log)
@@ -243,16 +241,6 @@ def compare(
         truth,
         list(dict.fromkeys(notes)),
     )
-
-
-def _sampled(smoothed: Smoothed) -> IndexArray:
-    """Steps whose poses are variables of the smoother, and not more than its covariances take time for."""
-    kept, steps = smoothed.built.kept, len(smoothed.poses)
-    if 3 * len(kept) + 2 * len(smoothed.landmarks) <= SMALL or len(kept) <= SAMPLED:
-        return kept
-    if len(kept) == steps:
-        return np.linspace(0, steps - 1, SAMPLED).astype(np.intp)
-    return evenly_spread(steps)
 
 
 def _dead_reckoning(log: SensorLog, options: EkfOptions, smoothed: Smoothed, sampled: IndexArray) -> Method:
@@ -340,7 +328,7 @@ def _inside(difference: Array, covariances: Array) -> BoolArray:
     return np.asarray(distance <= chi2_quantile(2, 0.95))
 
 
-def _notes(log: SensorLog, smoothed: Smoothed, sampled: IndexArray) -> list[str]:
+def _notes(log: SensorLog, smoothed: Smoothed) -> list[str]:
     built, steps = smoothed.built, len(log)
     notes = []
     if len(built.kept) < steps:
@@ -355,8 +343,8 @@ def _notes(log: SensorLog, smoothed: Smoothed, sampled: IndexArray) -> list[str]
         )
     if built.deleted:
         notes.append(f"{built.deleted} readings of landmarks that the filter deleted are not in the smoother")
-    if len(sampled) < len(built.kept):
-        notes.append(f"covariances and NEES are those of {len(sampled)} poses, evenly spread")
+    if len(built.kept) < steps:
+        notes.append(f"covariances and NEES are those of these {len(built.kept)} poses")
     if smoothed.method != "gn":
         notes.append("Gauss-Newton did not converge from the filter's estimates: the smoother is Levenberg-Marquardt")
     return notes

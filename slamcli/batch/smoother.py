@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slamcli.batch.marginals import marginals
 from slamcli.errors import NumericalError
 from slamcli.filtering.chain import filled
 from slamcli.filtering.controls import displacements
@@ -18,7 +17,7 @@ from slamcli.graph.columns import IndexArray
 from slamcli.graph.sensor_log import SensorLog
 from slamcli.models import SE2, XY
 from slamcli.models.base import Array
-from slamcli.solver.backends import NotPositiveDefiniteError
+from slamcli.solver.covariance import recovery_of
 from slamcli.solver.optimize import optimize
 from slamcli.solver.options import OptimizeOptions
 from slamcli.solver.result import Result, Status
@@ -62,14 +61,9 @@ class Smoothed:
         NumericalError
             If H is singular.
         """
-        wanted = {SE2.name: np.searchsorted(self.built.kept, steps)}
-        if len(self.landmarks):
-            wanted[XY.name] = np.arange(len(self.landmarks))
-        try:
-            found = marginals(self.result.graph, wanted, self.result.options)
-        except NotPositiveDefiniteError as error:
-            raise NumericalError(f"the smoother's H has no inverse at the optimum: {error}") from None
-        return found[SE2.name], found.get(XY.name, np.empty((0, 2, 2)))
+        found = recovery_of(self.result).marginals()
+        poses = found[SE2.name][np.searchsorted(self.built.kept, steps)]
+        return poses, found.get(XY.name, np.empty((0, 2, 2)))
 
 
 def smooth(log: SensorLog, options: EkfOptions, result: EkfResult) -> Smoothed:

@@ -8,14 +8,18 @@ from slamcli import __version__
 COMMANDS: dict[str, tuple[str, str]] = {
     "compare": ("slamcli.cli.compare", "Dead reckoning, filter and smoother on the same data, side by side."),
     "convert": ("slamcli.cli.convert", "Convert a graph between g2o and TORO."),
+    "covariance": ("slamcli.cli.covariance", "Print marginal covariances of poses and landmarks."),
     "ekf": ("slamcli.cli.ekf", "Run EKF-SLAM on a graph, a simulation or a real sensor log."),
     "evaluate": ("slamcli.cli.evaluate", "Compare estimates with the truth: ATE, RPE, drift, landmarks."),
+    "graph": ("slamcli.cli.graph", "Draw the factor graph itself: variables, factors, elimination."),
     "info": ("slamcli.cli.info", "Describe a graph: counts, connectivity, chi2, information."),
     "inject": ("slamcli.cli.inject", "Spoil a graph on purpose: false closures, bad odometry."),
+    "marginalize": ("slamcli.cli.marginalize", "Marginalize variables out of a graph, keeping what they say."),
     "optimize": ("slamcli.cli.optimize", "Optimize a pose graph and report every iteration."),
     "plot": ("slamcli.cli.plot", "Draw graphs, trajectories, iterations and errors."),
     "predict": ("slamcli.cli.predict", "Print what a sensor should read, the innovation and the Jacobians."),
     "simulate": ("slamcli.cli.simulate", "Simulate a robot in a world: a graph with its truth."),
+    "sparsity": ("slamcli.cli.sparsity", "Compare elimination orders: fill-in, flops, trees, pictures."),
 }
 
 _OPTIONS = {

@@ -72,6 +72,12 @@ positions do not determine the alignment.
 @click.option("--dead-reckoning", is_flag=True, help="Evaluate the integrated odometry of each graph beside it.")
 @click.option("--labels", type=FILE, metavar="FILE", help="Which loop closures are false: precision, recall, F1.")
 @click.option(
+    "--estimated-labels",
+    type=FILE,
+    metavar="FILE",
+    help="Which closures the estimate rejects (optimize --labels-out), instead of the gate.",
+)
+@click.option(
     "--gate",
     type=float,
     default=0.99,
@@ -116,6 +122,7 @@ def command(estimates: tuple[str, ...], truth: str | None, **given: Any) -> int:
         true,
         options=options,
         labels=read_labels(given["labels"]) if given["labels"] else None,
+        estimated_labels=read_labels(given["estimated_labels"]) if given["estimated_labels"] else None,
         covariances=read_covariances(given["covariances"]) if given["covariances"] else None,
     )
     _report(evaluation, given)
@@ -130,7 +137,13 @@ def _check(estimates: tuple[str, ...], truth: str | None, given: dict[str, Any])
                 raise UsageError(f"--{name.replace('_', '-')} needs --truth")
     if given["covariances"] and len(estimates) > 1:
         raise UsageError("--covariances belong to one estimate")
-    readers = [*estimates, *(given[name] for name in ("timestamps", "truth_timestamps", "labels")), truth]
+    if given["estimated_labels"]:
+        if not given["labels"]:
+            raise UsageError("--estimated-labels needs --labels, which says what is true")
+        if len(estimates) > 1:
+            raise UsageError("--estimated-labels belong to one estimate")
+    names = ("timestamps", "truth_timestamps", "labels", "estimated_labels")
+    readers = [*estimates, *(given[name] for name in names), truth]
     if readers.count("-") > 1:
         raise UsageError("only one file can come from standard input")
     check_outputs(given, ("errors",), json=given["json"], inputs=[*readers, given["covariances"]])

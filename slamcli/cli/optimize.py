@@ -8,6 +8,8 @@ from typing import Any
 
 import click
 
+from slamcli.cli.certificate_options import CERTIFICATE_OPTIONS, certificate_options, check_certificate
+from slamcli.cli.covariance import check_covariances, write_covariances
 from slamcli.cli.options import (
     FILE,
     check_outputs,
@@ -20,6 +22,7 @@ from slamcli.cli.options import (
     worst_option,
 )
 from slamcli.cli.process import interruptible, peak_memory
+from slamcli.cli.robust_options import check_robust, robust_options, write_rejection
 from slamcli.cli.solver_options import options_of, solver_options
 from slamcli.errors import ExitCode
 from slamcli.solver.options import OptimizeOptions
@@ -28,25 +31,35 @@ _EXAMPLES = """\b
 Examples:
   slamcli optimize graph.g2o -o optimized.g2o
   slamcli optimize graph.g2o --method lm --trace trace.jsonl --json > result.json
+  slamcli optimize graph.g2o --certify
   zcat graph.g2o.gz | slamcli optimize - --init spanning-tree -o - | gzip > out.g2o.gz
 
 Every option can be set by an environment variable: SLAMCLI_OPTIMIZE_METHOD=lm.
 
 \b
-Exit codes: 0 converged, 2 usage, 3 invalid input, 4 not converged (the result is
-written), 5 numerical failure (nothing is written), 130 interrupted (the result so far
-is written).
+Exit codes: 0 converged, 1 no certificate (--certify; the result is written), 2 usage,
+3 invalid input, 4 not converged (the result is written), 5 numerical failure (nothing
+is written), 130 interrupted (the result so far is written).
 """
+
+
+_OUTPUTS = ("output", "trace", "covariances", "labels_out", "drop_rejected", "ply")
 
 
 @click.command(name="optimize", epilog=_EXAMPLES)
 @input_options
 @click.option("-o", "--output", type=FILE, metavar="FILE", help="Write the optimized graph; - is standard output.")
 @solver_options
+@robust_options
+@certificate_options
 @click.option("--config", type=FILE, metavar="FILE", help="YAML file with values for the options above; flags beat it.")
 @click.option(
     "--trace", type=FILE, metavar="FILE", help="Write one JSON line for each iteration; - is standard output."
 )
+@click.option(
+    "--covariances", type=FILE, metavar="FILE", help="Write the covariances at the end: npz, csv or json by its name."
+)
+@click.option("--ply", type=FILE, metavar="FILE", help="Write points and poses at the end as PLY, for MeshLab.")
 @click.option("--g2o-log", is_flag=True, help="Print g2o's line for each iteration on standard error.")
 @worst_option
 @click.option("-v", "--verbose", is_flag=True, help="Print the iterations also where standard error is no terminal.")
@@ -55,35 +68,51 @@ is written).
 @color_option
 @click.pass_context
 def command(context: click.Context, /, input: str, **given: Any) -> int:
-    """Optimize the graph INPUT (g2o or TORO, - is standard input) and report chi2 and sparsity.
+    """Optimize the graph INPUT (g2o, TORO, BAL or Bundler, - is standard input) and report chi2 and sparsity.
 
     Minimizes chi2, the sum of e^T Omega e over all edges in g2o's definitions (no factor of one half). The summary
     goes to standard output (to standard error where that carries a graph), iterations and warnings to standard error.
     """
-    check_outputs(given, ("output", "trace"), json=given["json"])
-    given = merge_config(context, given["config"], given, OptimizeOptions.names())
+    check_outputs(given, _OUTPUTS, json=given["json"])
+    given = merge_config(context, given["config"], given, OptimizeOptions.names() + CERTIFICATE_OPTIONS)
+    check_certificate(given)
+    check_robust(given)
     options = options_of({name: given[name] for name in OptimizeOptions.names()})
     return _optimize(input, options, given)
 
 
 def _optimize(path: str, options: OptimizeOptions, given: dict[str, Any]) -> int:
+    from slamcli.evaluation.reprojection import reprojection
     from slamcli.formats import read
     from slamcli.graph import analyze
-    from slamcli.reporting import summaries
-    from slamcli.solver.optimize import optimize
+    from slamcli.reporting import optimization, summaries
+    from slamcli.reporting import rejection as rejections
+    from slamcli.reporting import reprojection as pixels
+    from slamcli.solver.certificate import run
 
     times: dict[str, float] = {}
     started = time.perf_counter()
     graph = read(path, dialect=given["dialect"], lenient=given["lenient"])
     times["load"] = time.perf_counter() - started
     warn(summaries.reading_warnings(graph.report))
+    check_covariances(given["covariances"], graph)
     watcher = _watcher(graph.edges, given)
     with interruptible("iteration") as interrupted:
-        result = optimize(graph, options=options, on_iteration=watcher, interrupted=interrupted)
+        outcome = run(
+            graph,
+            objective=given["objective"],
+            certified=given["certify"],
+            **({} if given["restart"] else {"restarts": ()}),
+            options=options,
+            on_iteration=watcher,
+            interrupted=interrupted,
+        )
+    result = outcome.result
     if watcher is not None and not given["g2o_log"]:
         print(file=sys.stderr)  # between the table and the summary
     times["iterate"] = sum(record.time for record in result.trace)
-    times["setup"] = time.perf_counter() - started - times["load"] - times["iterate"]
+    times["certify"] = outcome.time
+    times["setup"] = time.perf_counter() - started - times["load"] - times["iterate"] - times["certify"]
     failed = result.exit_code == ExitCode.NUMERICAL_FAILURE
     if failed:
         print(f"error: {result.reason}", *(f"  {line}" for line in result.diagnosis), sep="\n", file=sys.stderr)
@@ -91,22 +120,36 @@ def _optimize(path: str, options: OptimizeOptions, given: dict[str, Any]) -> int
     written = _write(result, given)
     if given["trace"]:
         _write_trace(graph, result, given["trace"])
+    if given["ply"] and not failed:
+        from slamcli.formats.ply import write_ply
+
+        write_ply(result.graph, given["ply"])
+    rejection, rejected = _rejected(result)
+    if rejection is not None:
+        warn(write_rejection(result, rejection, given))
     times["write"] = time.perf_counter() - before if given["output"] or given["trace"] else 0.0
     topology = analyze(graph)
-    worst = _worst(result, given["worst"])
+    worst = _worst(outcome.minimized, given["worst"])
+    seen = reprojection(graph), reprojection(result.graph)
     times["total"] = time.perf_counter() - started
     memory = peak_memory()
     if given["json"]:
         from slamcli.reporting import documents
 
-        document = documents.optimize_document(graph, topology, result, worst, times, memory)
+        document = optimization.optimize_document(graph, topology, outcome, worst, times, memory)
+        document["rejection"] = rejections.rejection_section(rejection, rejected)
+        document["reprojection"] = pixels.reprojection_section(*seen)
         print(documents.dumps(document))
     elif not given["quiet"]:
-        out = sys.stderr if "-" in (given["output"], given["trace"]) else sys.stdout
+        out = sys.stderr if "-" in [given[name] for name in _OUTPUTS] else sys.stdout
         colour = use_color(given["color"], out)
-        lines = summaries.optimize_summary(graph, topology, result, worst, times, memory, written, colour)
+        lines = optimization.optimize_summary(graph, topology, outcome, worst, times, memory, written, colour)
+        lines += rejections.rejection_lines(rejection, rejected, given["rejected"])
+        lines += pixels.reprojection_lines(*seen)
         print(*lines, sep="\n", file=out)
-    return int(result.exit_code)
+    if given["covariances"]:
+        write_covariances(result, given["covariances"])
+    return int(outcome.exit_code)
 
 
 def _write(result: Any, given: dict[str, Any]) -> str:
@@ -130,18 +173,30 @@ def _write(result: Any, given: dict[str, Any]) -> str:
 
 def _write_trace(graph: Any, result: Any, path: str) -> None:
     from slamcli.formats.source import write_bytes
-    from slamcli.reporting import documents
+    from slamcli.reporting import documents, optimization
 
-    events = documents.trace_events(graph, result.options, result)
+    events = optimization.trace_events(graph, result.options, result)
     write_bytes(path, "".join(documents.dumps(event, indent=None) + "\n" for event in events).encode())
 
 
-def _worst(result: Any, count: int) -> list[Any]:
+def _rejected(result: Any) -> tuple[Any, list[Any]]:
+    """Which loop closures a robust run rejected; None and an empty list for other runs and where there is no result."""
+    if result.exit_code == ExitCode.NUMERICAL_FAILURE:
+        return None, []
+    from slamcli.solver.robust import rejection
+
+    found = result.rejection
+    if found is None and result.options.kernel != "none":
+        found = rejection.of_kernel(result.graph, result.options, result.dof)
+    return found, [] if found is None else rejection.rejected_edges(result.graph, found)
+
+
+def _worst(minimized: Any, count: int) -> list[Any]:
     if count == 0:
         return []
     from slamcli.graph.describe import worst_edges
 
-    return worst_edges(result.graph, count)
+    return worst_edges(minimized, count)
 
 
 def _watcher(edges: int, given: dict[str, Any]) -> Any:
@@ -151,7 +206,7 @@ def _watcher(edges: int, given: dict[str, Any]) -> Any:
     if given["g2o_log"]:
         cumulated = 0.0
 
-        def g2o(chi2: float, record: Any) -> None:
+        def g2o(start: str, chi2: float, record: Any) -> None:
             nonlocal cumulated
             if record is not None:
                 cumulated += record.time
@@ -161,8 +216,9 @@ def _watcher(edges: int, given: dict[str, Any]) -> Any:
     if given["quiet"] or not (given["verbose"] or sys.stderr.isatty()):
         return None
 
-    def rows(chi2: float, record: Any) -> None:
+    def rows(start: str, chi2: float, record: Any) -> None:
         if record is None:
+            print(f"start: {start}", file=sys.stderr)
             print(iterations.header(given["method"]), file=sys.stderr)
         print(iterations.line(chi2, record), file=sys.stderr)
 

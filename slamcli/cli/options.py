@@ -13,7 +13,7 @@ from slamcli.errors import UsageError
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-DIALECTS = ("g2o", "toro")
+DIALECTS = ("g2o", "toro", "bal", "bundler")
 
 #: A file name, completed as such by the shell; whether it can be read is for the reader to say.
 FILE = click.Path(allow_dash=True)
@@ -80,14 +80,15 @@ def check_outputs(
         if given[name] in ("/dev/stdout", "/dev/fd/1"):
             given[name] = "-"
         if given[name] == "" or (given[name] or "").endswith("/"):
-            raise UsageError(f"--{name} needs the name of a file, got {given[name]!r}")
+            raise UsageError(f"--{name.replace('_', '-')} needs the name of a file, got {given[name]!r}")
         if given[name] not in (None, "-"):
-            other = seen.setdefault(os.path.realpath(given[name]), name)
-            if other != name:
-                raise UsageError(f"--{other} and --{name} name the same file")
+            shown = name.replace("_", "-")
+            other = seen.setdefault(os.path.realpath(given[name]), shown)
+            if other != shown:
+                raise UsageError(f"--{other} and --{shown} name the same file")
             if os.path.realpath(given[name]) in sources:
-                raise UsageError(f"--{name} {given[name]} is an input and would be overwritten")
-    takers = [name for name in names if given[name] == "-"] + ["json"] * json
+                raise UsageError(f"--{shown} {given[name]} is an input and would be overwritten")
+    takers = [name.replace("_", "-") for name in names if given[name] == "-"] + ["json"] * json
     if len(takers) > 1:
         raise UsageError(
             f"--{takers[0]} and --{takers[1]} both want standard output", ("  write one of them to a file",)

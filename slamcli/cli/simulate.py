@@ -24,6 +24,7 @@ Examples:
 \b
 Worlds: square, circle, figure-eight, corridor, manhattan, city, garage (planar);
 sphere, torus, grid, helix, lawnmower (spatial). docs/simulation.md lists all keys.
+Scenes for bundle adjustment: camera-ring, camera-flight (docs/bundle-adjustment.md).
 
 \b
 Exit codes: 0 simulated, 2 usage or configuration, 3 a file cannot be read or written.
@@ -52,12 +53,17 @@ def command(source: str, **given: Any) -> int:
     information written is the inverse of the covariance that was drawn from.
     """
     started = time.perf_counter()
+    from slamcli.simulation.camera_scenes import CAMERA_WORLDS
     from slamcli.simulation.worlds import WORLDS
 
-    inputs = [] if source in WORLDS else [source]
+    inputs = [] if source in WORLDS or source in CAMERA_WORLDS else [source]
     check_outputs(given, ("output", "truth", "log", "labels"), json=given["json"], inputs=inputs)
     _check_output(given["output"])
     content = _content(source, given)
+    if content.get("world") in CAMERA_WORLDS:
+        from slamcli.cli.camera_scene import simulate_scene
+
+        return simulate_scene(_name(source), content, given)
     if given["sweep"]:
         return _sweep(source, content, given)
     from slamcli.evaluation.drift import gap

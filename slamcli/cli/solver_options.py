@@ -8,19 +8,26 @@ from typing import Any, TypeVar
 import click
 
 from slamcli.errors import UsageError
-from slamcli.solver.options import INITS, LINEAR_SOLVERS, METHODS, ORDERINGS, SCALINGS, OptimizeOptions
+from slamcli.solver.options import ELIMINATIONS, INITS, LINEAR_SOLVERS, METHODS, ORDERINGS, SCALINGS, OptimizeOptions
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 
 def solver_options(function: F) -> F:
-    """``--method --init --max-iterations --tolerance --time-limit --fix --ordering --linear-solver --scaling``."""
+    """The options of ``OptimizeOptions`` but those of robustness: ``--method --init ... --elimination --scaling``."""
     function = click.option(
         "--scaling",
         type=click.Choice(SCALINGS),
         default="none",
         show_default=True,
         help="Damping of lm: lambda on the diagonal (none, as g2o) or lambda times the diagonal.",
+    )(function)
+    function = click.option(
+        "--elimination",
+        type=click.Choice(ELIMINATIONS),
+        default="auto",
+        show_default=True,
+        help="Points first, block by block (schur), or all by the sparse factorization (none). auto: what is faster.",
     )(function)
     function = click.option(
         "--linear-solver",
@@ -30,7 +37,11 @@ def solver_options(function: F) -> F:
         help="Sparse factorization.",
     )(function)
     function = click.option(
-        "--ordering", type=click.Choice(ORDERINGS), default="amd", show_default=True, help="Elimination order."
+        "--ordering",
+        type=click.Choice(ORDERINGS),
+        default="auto",
+        show_default=True,
+        help="Elimination order. auto is amd, or metis on large graphs where that saves time: see slamcli sparsity.",
     )(function)
     function = click.option(
         "--fix", type=int, multiple=True, metavar="ID", help="Hold this variable; may be given several times."
@@ -51,17 +62,18 @@ def solver_options(function: F) -> F:
     function = click.option(
         "--init",
         type=click.Choice(INITS),
-        default="file",
+        default="auto",
         show_default=True,
-        help="Where to start; all but file need no guess, and chordal is the best of those. auto takes the best of the "
-        "file's values and two chordal starts after one step.",
+        help="Where to start; chordal, spanning-tree and odometry need no guess. auto takes the better of the file's "
+        "values and a chordal relaxation; where the outcome leaves a doubt it runs from both and more.",
     )(function)
     function = click.option(
         "--method",
         type=click.Choice(METHODS),
-        default="gn",
+        default="auto",
         show_default=True,
-        help="Gauss-Newton, Levenberg-Marquardt or Powell's dogleg.",
+        help="Method. auto is Gauss-Newton, watched: it may raise chi2 for a while, is accelerated on slow tails and "
+        "left for dogleg where it fails. Plain Gauss-Newton, Levenberg-Marquardt, Powell's dogleg.",
     )(function)
     return function
 
@@ -71,7 +83,10 @@ def options_of(values: dict[str, Any]) -> OptimizeOptions:
     wanted: dict[str, type | tuple[type, ...]] = {
         "max_iterations": int,
         "tolerance": (int, float),
+        "kernel_width": (int, float, type(None)),
         "time_limit": (int, float, type(None)),
+        "robust_probability": (int, float),
+        "noise_scale": (int, float, type(None)),
     }
     for name, kind in wanted.items():
         if not isinstance(values[name], kind) or isinstance(values[name], bool):

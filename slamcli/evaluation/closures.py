@@ -1,9 +1,9 @@
 """Loop closures: which ones an estimate accepts, against labels that say which ones are false.
 
 A closure is accepted if its chi2 at the estimate is below the gate, the quantile of the chi-square distribution with
-as many degrees of freedom as its residual has. A closure that the labels know and the estimate's graph no longer holds
-was rejected. "Positive" means accepted, so precision is the share of true closures among the accepted ones and recall
-the share of accepted ones among the true closures.
+as many degrees of freedom as its residual has; or if labels that came with the estimate call it an inlier. A closure
+that the labels know and the estimate's graph no longer holds was rejected. "Positive" means accepted, so precision is
+the share of true closures among the accepted ones and recall the share of accepted ones among the true closures.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from slamcli.evaluation.consistency import chi2_quantile
-from slamcli.formats.labels import Labels, edge_positions
+from slamcli.formats.labels import Labels, edge_positions, outlier_masks
 from slamcli.graph import FactorGraph, is_loop_closure
 from slamcli.graph.columns import BoolArray, IdArray, IndexArray
 
@@ -62,7 +62,9 @@ class _Closures:
     accepted: BoolArray
 
 
-def closure_scores(graph: FactorGraph, labels: Labels, gate: float = GATE) -> ClosureScores:
+def closure_scores(
+    graph: FactorGraph, labels: Labels, gate: float = GATE, estimated: Labels | None = None
+) -> ClosureScores:
     """Compare the closures that an estimate accepts with labels.
 
     Labels that state the positions of as many edges as the graph has are matched by position if their ids agree;
@@ -77,8 +79,15 @@ def closure_scores(graph: FactorGraph, labels: Labels, gate: float = GATE) -> Cl
         See ``formats.labels``.
     gate
         Probability between 0 and 1.
+    estimated
+        Labels that say which closures the estimate rejects; None: the gate says it.
+
+    Raises
+    ------
+    InputError
+        If the estimated labels belong to another graph.
     """
-    closures = _closures(graph, gate)
+    closures = _closures(graph, gate, estimated)
     match, is_closure = _match(graph, closures, labels)
     found = match >= 0
     outlier = np.zeros(len(match), dtype=bool)
@@ -98,15 +107,17 @@ def closure_scores(graph: FactorGraph, labels: Labels, gate: float = GATE) -> Cl
     return ClosureScores(tp, fp, tn, fn, int(np.count_nonzero(absent)), unlabelled, precision, recall, f1, gate)
 
 
-def _closures(graph: FactorGraph, gate: float) -> _Closures:
+def _closures(graph: FactorGraph, gate: float, estimated: Labels | None) -> _Closures:
     ids, positions, accepted = [], [], []
-    for factors, position in zip(graph.factors, edge_positions(graph), strict=True):
+    none = [None] * len(graph.factors)
+    rejected = none if estimated is None else outlier_masks(estimated, graph, "the estimated labels")
+    for factors, position, out in zip(graph.factors, edge_positions(graph), rejected, strict=True):
         mask = is_loop_closure(graph, factors)
         if mask.any():
             limit = chi2_quantile(factors.kind.dimension, gate)
             ids.append(factors.variable_ids(graph.variables)[mask][:, :2])
             positions.append(position[mask])
-            accepted.append(factors.chi2(graph.values)[mask] <= limit)
+            accepted.append(factors.chi2(graph.values)[mask] <= limit if out is None else ~out[mask])
     if not ids:
         return _Closures(np.empty((0, 2), dtype=np.int64), np.empty(0, dtype=np.intp), np.empty(0, dtype=bool))
     return _Closures(np.concatenate(ids), np.concatenate(positions), np.concatenate(accepted))

@@ -77,6 +77,6 @@ def _landmark_errors(simulation: Simulation) -> Array:
     columns = [
         np.square(column.values - simulation.truth.variables[name].values).sum(axis=1)
         for name, column in simulation.graph.variables.items()
-        if not column.kind.is_pose
+        if column.kind.is_point
     ]
     return np.concatenate([none, *columns])

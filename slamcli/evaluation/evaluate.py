@@ -31,6 +31,7 @@ def evaluate(
     *,
     options: EvaluateOptions | None = None,
     labels: Labels | None = None,
+    estimated_labels: Labels | None = None,
     covariances: Covariances | None = None,
 ) -> Evaluation:
     """Compare estimates with the truth.
@@ -45,6 +46,8 @@ def evaluate(
         How; the defaults if not given.
     labels
         Which edges are outliers, for the estimates that are graphs.
+    estimated_labels
+        Which edges the estimates reject; None: the gate of the options says it.
     covariances
         Of the poses of the first estimate.
 
@@ -65,7 +68,7 @@ def evaluate(
         )
     notes: list[str] = []
     results = [
-        _result(estimate, truth, chosen, labels, covariances if k == 0 else None, notes)
+        _result(estimate, truth, chosen, (labels, estimated_labels), covariances if k == 0 else None, notes)
         for k, estimate in enumerate(estimates)
     ]
     return Evaluation(chosen, truth, results, notes)
@@ -75,11 +78,11 @@ def _result(
     estimate: Trajectory,
     truth: Trajectory | None,
     options: EvaluateOptions,
-    labels: Labels | None,
+    labels: tuple[Labels | None, Labels | None],
     covariances: Covariances | None,
     notes: list[str],
 ) -> EstimateResult:
-    closures = _closures(estimate, labels, options.gate, notes)
+    closures = _closures(estimate, *labels, options.gate, notes)
     if truth is None:
         return EstimateResult(
             estimate.source, len(estimate), estimate.length, estimate.kind.name, gap(estimate), closures=closures
@@ -149,7 +152,9 @@ def _relative(
     return RelativeErrors(delta, options.delta_unit, options.all_pairs, len(pairs), statistics)
 
 
-def _closures(estimate: Trajectory, labels: Labels | None, gate: float, notes: list[str]) -> ClosureScores | None:
+def _closures(
+    estimate: Trajectory, labels: Labels | None, estimated: Labels | None, gate: float, notes: list[str]
+) -> ClosureScores | None:
     graph = estimate.graph
     if labels is None:
         return None
@@ -159,4 +164,4 @@ def _closures(estimate: Trajectory, labels: Labels | None, gate: float, notes: l
     if not all(np.all(column.known) for column in graph.variables.values()):
         notes.append(f"{estimate.source}: not every variable has a value, so its loop closures have no chi2")
         return None
-    return closure_scores(graph, labels, gate)
+    return closure_scores(graph, labels, gate, estimated)

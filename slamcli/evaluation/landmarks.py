@@ -57,7 +57,7 @@ def landmarks(graph: FactorGraph) -> tuple[IdArray, Array]:
     ids: list[IdArray] = []
     points: list[Array] = []
     for column in graph.variables.values():
-        if not column.kind.is_pose:
+        if column.kind.is_point:
             lifted = np.zeros((int(column.known.sum()), 3))
             lifted[:, : column.kind.space] = column.values[column.known, : column.kind.space]
             ids.append(column.ids[column.known])

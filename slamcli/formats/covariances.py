@@ -1,14 +1,19 @@
-"""Covariances of poses and landmarks, read and written: npz archives, or CSV with the upper triangle of each matrix.
+"""Covariances of poses and landmarks, read: npz archives, CSV with the upper triangle of each matrix, or JSON.
 
-The archive holds ``ids`` (n,), ``covariance`` (n, d, d) and ``frame``, the text ``local``. A row of the CSV file is
-``id,c11,c12,...,c22,...``, row by row; a header of words may stand above. The matrices are those of the tangent vector
-of ``VariableKind.retract``, in the frame of the pose: (x, y, theta) in metres and radians for planar poses, the
+An archive holds ``ids`` (n,), ``covariance`` (n, d, d) and ``frame``, the text ``local``; where it has variables of
+several kinds, ``kinds`` names them, and those of the second and further kinds K are in ``K_ids`` and
+``K_covariance``. A row of a CSV file is ``id,c11,c12,...,c22,...``, row by row; a header of words may stand above. A
+JSON file is the document of ``slamcli covariance``. The matrices are those of the tangent vector of
+``VariableKind.retract``, in the frame of the pose: (x, y, theta) in metres and radians for planar poses, the
 translation and the vector part of the quaternion for spatial ones. Those of landmarks are along the world's axes.
+Files in another convention say so, and are refused.
 """
 
 from __future__ import annotations
 
 import io
+import json
+import re
 import zipfile
 from dataclasses import dataclass
 
@@ -23,6 +28,9 @@ from slamcli.models.base import Array
 #: Numbers of a CSV row, and the size of the matrix that it holds: an id and an upper triangle.
 _SIZES = {1 + d * (d + 1) // 2: d for d in (2, 3, 6)}
 _ASYMMETRY = 1e-9
+#: The convention of what slamcli reads: tangent spaces of ``VariableKind.retract``.
+OWN = "slamcli"
+_CONVENTION = re.compile(rb"^# convention: ([\w-]+)", re.MULTILINE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +53,18 @@ class Covariances:
 
 
 def read_covariances(path: str) -> Covariances:
-    """Read the covariances of variables.
+    """Read the covariances of variables: those of the first kind, where a file has several.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read or does not hold what it should.
+    """
+    return read_all_covariances(path)[0]
+
+
+def read_all_covariances(path: str) -> list[Covariances]:
+    """Read the covariances of variables, one entry for each kind that the file has.
 
     Raises
     ------
@@ -56,17 +75,27 @@ def read_covariances(path: str) -> Covariances:
         is_archive = path != "-" and zipfile.is_zipfile(path)
     except OSError:
         is_archive = False  # the reader of text says why it cannot be read
-    out = _read_archive(path) if is_archive else _read_csv(path)
-    if len(np.unique(out.ids)) < len(out.ids):
-        raise InputError(f"{path}: an id occurs twice")
-    finite = np.isfinite(out.covariance).all(axis=(1, 2))
+    if is_archive:
+        found = _read_archive(path)
+    else:
+        data = read_bytes(path)[1]
+        found = _read_json(path, data) if data.lstrip().startswith(b"{") else [_read_csv(path, data)]
+    for one in found:
+        _check(one)
+    return found
+
+
+def _check(found: Covariances) -> None:
+    """Unique ids, finite symmetric matrices."""
+    if len(np.unique(found.ids)) < len(found.ids):
+        raise InputError(f"{found.path}: an id occurs twice")
+    finite = np.isfinite(found.covariance).all(axis=(1, 2))
     if not finite.all():
-        raise InputError(f"{path}: the covariance of variable {out.ids[~finite][0]} is not finite")
-    size = np.abs(out.covariance).max(axis=(1, 2))
-    skew = np.abs(out.covariance - out.covariance.transpose(0, 2, 1)).max(axis=(1, 2)) > _ASYMMETRY * size
+        raise InputError(f"{found.path}: the covariance of variable {found.ids[~finite][0]} is not finite")
+    size = np.abs(found.covariance).max(axis=(1, 2))
+    skew = np.abs(found.covariance - found.covariance.transpose(0, 2, 1)).max(axis=(1, 2)) > _ASYMMETRY * size
     if skew.any():
-        raise InputError(f"{path}: the covariance of variable {out.ids[skew][0]} is not symmetric")
-    return out
+        raise InputError(f"{found.path}: the covariance of variable {found.ids[skew][0]} is not symmetric")
 
 
 def write_covariances(path: str, ids: IdArray, covariance: Array) -> None:
@@ -98,7 +127,7 @@ def write_correlation(path: str, landmarks: IdArray, correlation: Array) -> None
     write_bytes(path, buffer.getvalue())
 
 
-def _read_archive(path: str) -> Covariances:
+def _read_archive(path: str) -> list[Covariances]:
     try:
         with np.load(path, allow_pickle=False) as archive:
             content = {name: archive[name] for name in archive.files}
@@ -110,10 +139,38 @@ def _read_archive(path: str) -> Covariances:
             f"{path}: lacks {' and '.join(missing)}",
             (f"  it holds {', '.join(content) or 'nothing'}", "  expected ids (n,), covariance (n, d, d), frame"),
         )
+    _require_own(path, str(content.get("convention", OWN)))
     frame = str(content["frame"])
     if frame != "local":
         raise InputError(f"{path}: the frame is {frame!r}, expected 'local' (the tangent space at each pose)")
-    ids, covariance = content["ids"], content["covariance"]
+    others = [str(kind) for kind in np.atleast_1d(content.get("kinds", []))[1:]]
+    names = [("ids", "covariance"), *((f"{kind}_ids", f"{kind}_covariance") for kind in others)]
+    absent = [name for pair in names for name in pair if name not in content]
+    if absent:
+        raise InputError(f"{path}: lacks {' and '.join(absent)}", (f"  it names the kinds {', '.join(others)}",))
+    return [_checked(path, content[ids], content[covariance]) for ids, covariance in names]
+
+
+def _read_json(path: str, data: bytes) -> list[Covariances]:
+    try:
+        document = json.loads(data)
+        tables = [(table["ids"], table["covariance"]) for table in document["marginals"]]
+        convention = document.get("convention", OWN)
+    except (ValueError, KeyError, TypeError):
+        tables, convention = [], OWN
+    if not tables:
+        raise InputError(f"{path}: is not the document of slamcli covariance: it has no marginals")
+    _require_own(path, str(convention))
+    out = []
+    for ids, covariance in tables:
+        try:
+            out.append(_checked(path, np.array(ids), np.array(covariance, dtype=np.float64)))
+        except (ValueError, TypeError):
+            raise InputError(f"{path}: ids and covariance must be lists of numbers") from None
+    return out
+
+
+def _checked(path: str, ids: Array | IdArray, covariance: Array) -> Covariances:
     if ids.ndim != 1 or ids.dtype.kind not in "iu":
         raise InputError(f"{path}: ids must be whole numbers (n,), found {ids.dtype} {ids.shape}")
     shapes = [(len(ids), d, d) for d in _SIZES.values()]
@@ -123,10 +180,20 @@ def _read_archive(path: str) -> Covariances:
     return Covariances(whole, covariance.astype(np.float64), path)
 
 
-def _read_csv(path: str) -> Covariances:
-    text = TableText(path, read_bytes(path)[1])
+def _require_own(path: str, convention: str) -> None:
+    if convention != OWN:
+        raise InputError(
+            f"{path}: holds covariances in the convention of {convention}, expected {OWN}",
+            ("  slamcli covariance --convention slamcli writes those that slamcli reads",),
+        )
+
+
+def _read_csv(path: str, data: bytes) -> Covariances:
+    text = TableText(path, data)
     if not text.is_table:
         raise InputError(f"{path}: holds no covariance, expected an npz archive or CSV rows id,c11,c12,...")
+    stated = _CONVENTION.search(data)
+    _require_own(path, stated[1].decode() if stated else OWN)
     if text.columns not in _SIZES:
         raise text.refuse("4, 7 or 22 numbers: an id and the upper triangle of a 2 x 2, 3 x 3 or 6 x 6 matrix", "")
     dimension = _SIZES[text.columns]

@@ -41,6 +41,8 @@ class VertexTag:
         How many numbers follow the id.
     decode, encode
         Between the file's numbers (n, numbers) and values (n, kind.size).
+    defaults
+        Of the last of the numbers, which may be left out (all of them together).
     """
 
     tag: str
@@ -48,11 +50,13 @@ class VertexTag:
     numbers: int
     decode: Callable[[Array], Array] = _same
     encode: Callable[[Array], Array] = _same
+    defaults: tuple[float, ...] = ()
 
     @property
     def allowed_counts(self) -> tuple[int, ...]:
         """How many numbers may follow the tag."""
-        return (1 + self.numbers,)
+        full = 1 + self.numbers
+        return (full, full - len(self.defaults)) if self.defaults else (full,)
 
     @property
     def layout(self) -> str:

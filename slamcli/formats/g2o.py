@@ -1,10 +1,11 @@
 """The g2o text format: its tag table.
 
 Information matrices are upper triangles, row by row, in the order of the residual; translation before rotation;
-quaternions are Hamilton, x y z w, and are normalized on reading (vertices, measurements and parameters).
+quaternions are Hamilton, x y z w, and are normalized on reading (vertices, measurements and parameters). Poses of
+VERTEX_CAM and VERTEX_SE3:EXPMAP are those of the camera in the world, as g2o's master writes them.
 
-Not of g2o itself, but of files in its notation: SLAM++'s EDGE_SE2_RB with its two synonyms, and EDGE_RANGE_SE2_XY,
-whose files often leave the information out.
+Not of g2o itself, but of files in its notation: SLAM++'s EDGE_SE2_RB with its two synonyms, EDGE_RANGE_SE2_XY, whose
+files often leave the information out, and Vertigo's switches with their priors and edges (``TAG i j switch ...``).
 """
 
 from __future__ import annotations
@@ -19,6 +20,11 @@ G2O = Dialect(
         VertexTag("VERTEX_XY", models.XY, 2),
         VertexTag("VERTEX_SE3:QUAT", models.SE3, 7),
         VertexTag("VERTEX_TRACKXYZ", models.XYZ, 3),
+        VertexTag("VERTEX_XYZ", models.XYZ, 3),
+        VertexTag("VERTEX_POINT_XYZ", models.XYZ, 3),
+        VertexTag("VERTEX_CAM", models.SBA_CAMERA, 12, defaults=(300.0, 300.0, 320.0, 320.0, 0.1)),
+        VertexTag("VERTEX_SE3:EXPMAP", models.SE3_EXPMAP, 7),
+        VertexTag("VERTEX_SWITCH", models.SWITCH, 1),
     ),
     edges=(
         EdgeTag("EDGE_SE2", models.RELATIVE_POSE_2D, 3),
@@ -38,8 +44,21 @@ G2O = Dialect(
         EdgeTag("EDGE_SE3_XYZ_PRIOR", models.POSITION_PRIOR_3D, 3),
         EdgeTag("EDGE_POINTXYZ", models.POINT_DIFFERENCE_3D, 3),
         EdgeTag("EDGE_POINTXYZ_PRIOR", models.POINT_PRIOR_3D, 3),
+        EdgeTag("EDGE_PROJECT_P2MC", models.SBA_PROJECTION, 2),
+        EdgeTag("EDGE_PROJECT_P2SC", models.SBA_STEREO_PROJECTION, 3),
+        EdgeTag("EDGE_PROJECT_XYZ2UV:EXPMAP", models.EXPMAP_PROJECTION, 2),
+        EdgeTag("EDGE_SE2_SWITCHABLE", models.SWITCHABLE_RELATIVE_POSE_2D, 3),
+        EdgeTag("EDGE_SE3_SWITCHABLE", models.SWITCHABLE_RELATIVE_POSE_3D, 7),
+        EdgeTag("EDGE_SWITCH_PRIOR", models.SWITCH_PRIOR, 1),
     ),
-    parameters=(ParameterTag("PARAMS_SE3OFFSET", models.SE3),),
+    parameters=(
+        ParameterTag("PARAMS_SE3OFFSET", models.SE3),
+        ParameterTag("PARAMS_CAMERAPARAMETERS", models.CAMERA_PARAMETERS),
+    ),
     fix="FIX",
-    unused=dict.fromkeys(("ROBOTLASER1", "VERTEX_TAG", "VERTEX_ELLIPSE"), "data of the vertex before it"),
+    unused=dict.fromkeys(("ROBOTLASER1", "VERTEX_TAG", "VERTEX_ELLIPSE"), "data of the vertex before it")
+    | dict.fromkeys(
+        ("EDGE_SE2_MAXMIX", "EDGE_SE2_MIXTURE", "EDGE_SE3:QUAT_MIXTURE", "EDGE_SE2_XY_MIXTURE"),
+        "mixtures of hypotheses are not supported, so the graph lacks these edges",
+    ),
 )

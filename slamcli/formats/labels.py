@@ -2,8 +2,8 @@
 
 The CSV file has one row for each edge record of the graph file that it belongs to, in the order of that file, under the
 header ``edge,tag,from,to,label``: the position of the record among the edge records (from 1), its tag, its ids (a
-prior, which has one, repeats it) and ``inlier`` or ``outlier``. Plain lists, as other tools write them, name only the
-outliers: ``from to`` on each line, ``#`` starts a comment.
+prior, which has one, repeats it; of a switchable edge those of its poses) and ``inlier`` or ``outlier``. Plain lists,
+as other tools write them, name only the outliers: ``from to`` on each line, ``#`` starts a comment.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from slamcli.errors import InputError
 from slamcli.formats.diagnostics import Diagnostic
 from slamcli.formats.records import is_id
 from slamcli.formats.source import read_bytes, write_bytes
-from slamcli.graph import FactorGraph
+from slamcli.graph import FactorGraph, Factors
 from slamcli.graph.columns import BoolArray, IdArray, IndexArray
 
 HEADER = ("edge", "tag", "from", "to", "label")
@@ -90,7 +90,7 @@ def labels_of(graph: FactorGraph, outliers: Sequence[BoolArray]) -> tuple[Labels
     if not graph.factors:
         none = np.empty(0, dtype=np.int64)
         return Labels(none, none, none.astype(bool), none, True), []
-    ids = [factors.variable_ids(graph.variables) for factors in graph.factors]
+    ids = [_ends(graph, factors) for factors in graph.factors]
     edge = np.concatenate(edge_positions(graph))
     order = np.argsort(edge)
     tags = np.repeat(
@@ -99,7 +99,7 @@ def labels_of(graph: FactorGraph, outliers: Sequence[BoolArray]) -> tuple[Labels
     )
     labels = Labels(
         first=np.concatenate([pair[:, 0] for pair in ids])[order],
-        second=np.concatenate([pair[:, -1] for pair in ids])[order],
+        second=np.concatenate([pair[:, 1] for pair in ids])[order],
         outlier=np.concatenate([np.asarray(mask, dtype=bool) for mask in outliers])[order],
         edge=edge[order],
         complete=True,
@@ -118,7 +118,7 @@ def outlier_masks(labels: Labels, graph: FactorGraph, path: str = "labels") -> l
     InputError
         If a row names an edge that the graph does not have: the labels belong to another file.
     """
-    ids = [factors.variable_ids(graph.variables)[:, [0, -1]] for factors in graph.factors]
+    ids = [_ends(graph, factors) for factors in graph.factors]
     pairs = np.concatenate(ids) if ids else np.empty((0, 2), dtype=labels.first.dtype)
     positions = edge_positions(graph)
     where = np.full(len(pairs) + 1, -1, dtype=np.intp)
@@ -243,6 +243,12 @@ def _whole(path: str, number: int, line: bytes, slot: int, word: bytes) -> int:
         found = word.decode("utf-8", "replace")
         raise _defect(path, number, line, slot, f"expected a whole number, found {found!r}")
     return int(word)
+
+
+def _ends(graph: FactorGraph, factors: Factors) -> IdArray:
+    """The ids (m, 2) that name edges: those of the first two variables; a prior's twice."""
+    ids = factors.variable_ids(graph.variables)
+    return ids[:, [0, min(1, ids.shape[1] - 1)]]
 
 
 def _lines(lines: IndexArray, count: int) -> IndexArray:

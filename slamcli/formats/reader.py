@@ -9,9 +9,11 @@ import numpy as np
 from slamcli.errors import InputError
 from slamcli.formats import source
 from slamcli.formats.diagnostics import SHOWN
-from slamcli.formats.dialect import EdgeTag
+from slamcli.formats.dialect import EdgeTag, VertexTag
 from slamcli.formats.recognize import by_name, recognize
 from slamcli.formats.records import Records, is_id
+from slamcli.formats.scene_formats import SCENE_FORMATS
+from slamcli.formats.scene_formats import recognize as recognize_scene
 from slamcli.formats.tokens import TokenizedText
 from slamcli.graph import Document, FactorGraph, Factors, ReadingReport, Variables
 from slamcli.graph.columns import BoolArray, IdArray, IndexArray, finite_rows
@@ -28,9 +30,10 @@ def read(path: str, *, dialect: str | None = None, lenient: bool = False) -> Fac
     Parameters
     ----------
     path
-        A file, or ``-`` for standard input; gzip is recognized by content, the format by its tags.
+        A file, or ``-`` for standard input; gzip and bzip2 are recognized by content, the format by its tags, BAL and
+        Bundler by how they begin.
     dialect
-        ``"g2o"`` or ``"toro"`` to skip recognition.
+        ``"g2o"``, ``"toro"``, ``"bal"`` or ``"bundler"`` to skip recognition.
     lenient
         Skip, count and report malformed records instead of raising.
 
@@ -51,6 +54,9 @@ def read(path: str, *, dialect: str | None = None, lenient: bool = False) -> Fac
 
 def parse(path: str, raw: bytes, data: bytes, *, dialect: str | None = None, lenient: bool = False) -> FactorGraph:
     """The graph of a file whose bytes, as they are and decompressed, were read already (see ``read``)."""
+    scene = SCENE_FORMATS.get(dialect) if dialect else recognize_scene(data)
+    if scene is not None:
+        return scene.parse(path, raw, data)
     text = TokenizedText(data)
     chosen = by_name(dialect) if dialect else recognize(path, _tags_in_order(text))
     return _Reader(raw, Records(path, text, chosen, lenient)).graph()
@@ -122,8 +128,7 @@ class _Reader:
         for record in self.dialect.vertices:
             if record.tag not in self.records.rows:
                 continue
-            numbers = self.records.matrix(record.tag, 1 + record.numbers)
-            values = record.kind.normalize(record.decode(numbers[:, 1:]))
+            values = record.kind.normalize(record.decode(self._vertex_numbers(record)))
             self._drop_zero_quaternions(record.tag, values)
             values = values[finite_rows(values)]
             lines = self.records.rows[record.tag].lines + 1
@@ -133,6 +138,20 @@ class _Reader:
             ids, values, lines = (np.concatenate(column) for column in zip(*found, strict=True))
             keep = self._first_of_each(ids, lines)
             out[kind] = (ids[keep], values[keep], lines[keep])
+        return out
+
+    def _vertex_numbers(self, record: VertexTag) -> Array:
+        """The numbers behind the ids, with the defaults of those that records leave out."""
+        full = 1 + record.numbers
+        short = self.records.rows[record.tag].counts < full
+        if not short.any():
+            return self.records.matrix(record.tag, full)[:, 1:]
+        given = full - len(record.defaults)
+        out = np.tile((0.0,) * (given - 1) + record.defaults, (len(short), 1))
+        out[:, : given - 1] = self.records.matrix(record.tag, given)[:, 1:]
+        out[~short] = self.records.matrix(record.tag, full, ~short)[:, 1:]
+        rest = " ".join(f"{number:g}" for number in record.defaults)
+        self.notes.append(f"{np.count_nonzero(short)} {record.tag} records end early: {rest} is used for the rest")
         return out
 
     def _drop_zero_quaternions(self, tag: str, values: Array) -> None:
@@ -245,11 +264,20 @@ class _Reader:
         for record in self.edges:
             if record.kind.parameter is None:
                 continue
-            good = np.array([i in parameters for i in self.records.ids[record.tag][:, -1].tolist()], dtype=bool)
+            size = record.kind.parameter.size
+            named_ids = self.records.ids[record.tag][:, -1].tolist()
+            good = np.array([i in parameters and len(parameters[i]) == size for i in named_ids], dtype=bool)
+            wanted = next(tag for tag in self.dialect.parameters if tag.kind is record.kind.parameter)
+            meaning = (
+                "x y z qx qy qz qw puts the sensor on the robot"
+                if size == 7
+                else "f cx cy baseline gives the intrinsics"
+            )
             for k in np.flatnonzero(~good).tolist():
                 named = self.records.ids[record.tag][k, -1]
-                message = f"{record.tag} names parameter {named}, which no record defines"
-                hint = f"{self.dialect.parameters[0].tag} {named} x y z qx qy qz qw puts the sensor on the robot"
+                other = f"which is no {wanted.tag}" if named in parameters else "which no record defines"
+                message = f"{record.tag} names parameter {named}, {other}"
+                hint = f"{wanted.tag} {named} {meaning}"
                 self.records.defect(int(self.records.rows[record.tag].lines[k]), None, message, hint)
             self.records.drop(record.tag, good)
 
@@ -342,7 +370,7 @@ class _Reader:
         used = self.dialect.tags | {self.dialect.fix}
         comments = int(np.count_nonzero(text.has_comment & (text.counts == 0)))
         poses = [column.ids for column in variables.values() if column.kind.is_pose]
-        points = [column.ids for column in variables.values() if not column.kind.is_pose]
+        points = [column.ids for column in variables.values() if column.kind.is_point]
         if poses and points and (shared := len(np.intersect1d(np.concatenate(poses), np.concatenate(points)))):
             self.notes.append(f"{shared} ids name both a pose and a landmark; g2o would refuse them")
         return ReadingReport(
@@ -352,6 +380,7 @@ class _Reader:
             comments=comments,
             blank=int(np.count_nonzero(text.counts == 0)) - comments,
             by_tag={tag: count for tag, count in by_tag.items() if count},
+            reasons={tag: why for tag, why in self.dialect.unused.items() if tag in tags},
             skipped={tag: count for tag, count in zip(tags, totals, strict=True) if tag not in used and count},
             malformed=[str(defect) for defect in records.defects],
             created={kind.name: ids.tolist() for kind, ids in created.items() if len(ids)},

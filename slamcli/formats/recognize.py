@@ -21,12 +21,12 @@ _FOREIGN = {
 }
 
 
-_ENDINGS = {".g2o": "g2o", ".toro": "toro", ".graph": "toro"}
+_ENDINGS = {".g2o": "g2o", ".toro": "toro", ".graph": "toro", ".bal": "bal", "bundle.out": "bundler"}
 
 
 def of_ending(path: str) -> str | None:
     """The dialect that the ending of an output file suggests, if any."""
-    plain = path.removesuffix(".gz")
+    plain = path.removesuffix(".gz").removesuffix(".bz2")
     return next((name for ending, name in _ENDINGS.items() if plain.endswith(ending)), None)
 
 
@@ -70,7 +70,10 @@ def recognize(path: str, tags: list[str]) -> Dialect:
     raise InputError(
         f"{path}: holds no record of a known format" if tags else f"{path}: holds no record at all",
         (f"  first words of its lines: {seen[:200]}",) * bool(tags)
-        + ("  expected g2o (VERTEX_SE2, EDGE_SE2, VERTEX_SE3:QUAT, ...) or TORO (VERTEX2, EDGE2, VERTEX3, EDGE3)",),
+        + (
+            "  expected g2o (VERTEX_SE2, EDGE_SE2, VERTEX_SE3:QUAT, ...), TORO (VERTEX2, EDGE2, VERTEX3, EDGE3),",
+            "  BAL (three counts, then observations: camera point u v) or Bundler (# Bundle file v0.3)",
+        ),
     )
 
 

@@ -1,4 +1,4 @@
-"""Bytes in and out: paths and standard streams, gzip by content, atomic output files."""
+"""Bytes in and out: paths and standard streams, gzip and bzip2 by content, atomic output files."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import sys
 
 from slamcli.errors import InputError
 
-_GZIP = b"\x1f\x8b"
+_GZIP, _BZIP2 = b"\x1f\x8b", b"BZh"
 _UTF16 = (b"\xff\xfe", b"\xfe\xff")
 
 
@@ -32,7 +32,7 @@ def read_bytes(path: str) -> tuple[bytes, bytes]:
         raise InputError(f"{path}: is a directory, expected a graph file") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    data = _decompress(path, raw) if raw.startswith(_GZIP) else raw
+    data = _decompress(path, raw) if raw.startswith((_GZIP, _BZIP2)) else raw
     if data.startswith(_UTF16):
         raise InputError(f"{path}: is UTF-16 text, expected ASCII or UTF-8", ("  hint: convert it with iconv",))
     if b"\0" in data:
@@ -41,19 +41,21 @@ def read_bytes(path: str) -> tuple[bytes, bytes]:
 
 
 def _decompress(path: str, raw: bytes) -> bytes:
-    import gzip  # lazily: rarely needed
+    import bz2  # lazily: rarely needed
+    import gzip
     import zlib
 
+    name, decompress = ("bzip2", bz2.decompress) if raw.startswith(_BZIP2) else ("gzip", gzip.decompress)
     try:
-        return gzip.decompress(raw)
-    except (OSError, EOFError, zlib.error) as error:
-        raise InputError(f"{path}: damaged gzip file: {error}") from None
+        return decompress(raw)
+    except (OSError, EOFError, ValueError, zlib.error) as error:
+        raise InputError(f"{path}: damaged {name} file: {error}") from None
 
 
 def write_bytes(path: str, data: bytes) -> None:
     """Write a file atomically (a temporary file beside it, then a rename), or to standard output (``-``).
 
-    A path that ends in ``.gz`` is compressed. Devices and pipes are written directly. A failure leaves an
+    A path that ends in ``.gz`` or ``.bz2`` is compressed. Devices and pipes are written directly. A failure leaves an
     existing file as it was.
 
     Raises
@@ -71,6 +73,10 @@ def write_bytes(path: str, data: bytes) -> None:
         import gzip
 
         data = gzip.compress(data, mtime=0)
+    elif path.endswith(".bz2"):
+        import bz2
+
+        data = bz2.compress(data)
     try:
         if os.path.exists(path) and not os.path.isfile(path):
             # the path as it was given: what /dev/stdout points at may have no name

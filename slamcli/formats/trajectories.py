@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from slamcli.errors import InputError, NumericalError, UsageError
+from slamcli.formats import scene_formats
 from slamcli.formats.diagnostics import ParseError
 from slamcli.formats.reader import parse
 from slamcli.formats.source import read_bytes, write_bytes
@@ -104,7 +105,7 @@ def read_trajectory(
         If time stamps are given for a file that has its own.
     """
     raw, data = read_bytes(str(path))
-    text = None if dialect else TableText(str(path), data)
+    text = None if dialect or scene_formats.recognize(data) else TableText(str(path), data)
     if text is not None and len(text.records) == 0:
         raise InputError(
             f"{path}: holds no record at all",

@@ -13,9 +13,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from slamcli.errors import NumericalError
+from slamcli.errors import InputError, NumericalError
+from slamcli.formats import scene_conversion
 from slamcli.formats.dialect import Dialect, EdgeTag, VertexTag
 from slamcli.formats.recognize import DIALECTS, by_name
+from slamcli.formats.scene_formats import SCENE_FORMATS
 from slamcli.formats.source import write_bytes
 from slamcli.graph import Document, FactorGraph, Factors, Variables
 from slamcli.graph.columns import BoolArray, IdArray, IndexArray, finite_rows
@@ -50,7 +52,7 @@ def write(graph: FactorGraph, path: str, *, dialect: str | None = None, comments
     path
         Where to; ``.gz`` compresses.
     dialect
-        ``"g2o"`` or ``"toro"``; the dialect that it was read from, or g2o, if not given.
+        ``"g2o"``, ``"toro"``, ``"bal"`` or ``"bundler"``; the format that it was read from, or g2o, if not given.
     comments
         Lines in front of a graph made in memory.
 
@@ -66,9 +68,21 @@ def write(graph: FactorGraph, path: str, *, dialect: str | None = None, comments
 
 def render(graph: FactorGraph, dialect: str | None = None, comments: Sequence[str] = ()) -> Rendered:
     """The text of a graph in a dialect (see ``write``)."""
-    own = DIALECTS[graph.report.format] if graph.report is not None else None
-    target = by_name(dialect) if dialect else own or DIALECTS["g2o"]
+    format = graph.report.format if graph.report is not None else None
     _refuse_not_finite(graph)
+    scene = SCENE_FORMATS.get(dialect or format or ("bal" if scene_conversion.is_bal(graph) else ""))
+    if scene is not None:
+        turned, lost = scene_conversion.to_bal(graph) if scene_conversion.is_pinhole(graph) else (graph, [])
+        data, losses = scene.render(turned)
+        return Rendered(data, lost + losses)
+    if scene_conversion.is_bal(graph):
+        if dialect == "toro":
+            raise InputError("toro holds poses only, no cameras: nothing is written")
+        turned, lost = scene_conversion.to_g2o(graph)
+        rendered = _fresh(turned, DIALECTS["g2o"], comments)
+        return Rendered(rendered.data, lost + rendered.losses)
+    own = DIALECTS[format] if format is not None else None
+    target = by_name(dialect) if dialect else own or DIALECTS["g2o"]
     if graph.document is None:
         return _fresh(graph, target, comments)
     if target is own:
@@ -215,9 +229,12 @@ def _edge_records(graph: FactorGraph, factors: Factors, dialect: Dialect) -> lis
 def _parameter_records(graph: FactorGraph, dialect: Dialect) -> list[str]:
     if not dialect.parameters or not graph.parameters:
         return []
-    ids = np.array(list(graph.parameters), dtype=object)[:, None]
-    tag = dialect.parameters[0].tag
-    return [f"{tag} {text}" for text in format_records(ids, np.array(list(graph.parameters.values())))]
+    out = []
+    for record in dialect.parameters:
+        mine = {i: value for i, value in graph.parameters.items() if len(value) == record.kind.size}
+        ids = np.array(list(mine), dtype=object)[:, None]
+        out += [f"{record.tag} {text}" for text in format_records(ids, np.array(list(mine.values())))]
+    return out
 
 
 def _losses(graph: FactorGraph, dialect: Dialect) -> list[str]:

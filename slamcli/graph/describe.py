@@ -62,7 +62,7 @@ class GraphDescription:
     path_length
         Metres along the poses in the order of ids, None where poses have no estimate.
     bounding_box
-        Smallest and largest coordinate along each axis in metres, None where variables have no estimate.
+        Smallest and largest coordinate along each axis in metres, None where variables have no estimate or no place.
     chi2
         At the graph's values, None where variables have no estimate.
     """
@@ -130,7 +130,7 @@ def describe(graph: FactorGraph) -> GraphDescription:
         parallel_edges=topology.parallel_edges,
         self_edges=topology.self_edges,
         path_length=_path_length(graph) if known else None,
-        bounding_box=_bounding_box(graph) if known else None,
+        bounding_box=_bounding_box(graph) if known and graph.poses + graph.landmarks else None,
         chi2=graph.chi2() if known else None,
     )
 

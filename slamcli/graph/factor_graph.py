@@ -51,7 +51,12 @@ class FactorGraph:
     @property
     def landmarks(self) -> int:
         """Number of points."""
-        return sum(len(column) for column in self.variables.values() if not column.kind.is_pose)
+        return sum(len(column) for column in self.variables.values() if column.kind.is_point)
+
+    @property
+    def switches(self) -> int:
+        """Number of switches of loop closures."""
+        return sum(len(column) for column in self.variables.values() if column.kind.space == 0)
 
     @property
     def edges(self) -> int:
@@ -61,7 +66,7 @@ class FactorGraph:
     @property
     def space(self) -> int:
         """2 for planar graphs, 3 for spatial ones (and for mixtures)."""
-        return max((column.kind.space for column in self.variables.values() if len(column)), default=2)
+        return max((column.kind.space for column in self.variables.values() if len(column)), default=0) or 2
 
     def chi2(self, values: Values | None = None) -> float:
         """Sum of e^T Omega e over all factors (no factor of one half), at the graph's values or another state."""

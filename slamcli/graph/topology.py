@@ -1,6 +1,7 @@
 """Connectivity of a factor graph: components, degrees, loop closures, parallel and self edges.
 
-Variables are numbered through all kinds here ("nodes"): the columns one after the other, in their order.
+Variables are numbered through all kinds here ("nodes"): the columns one after the other, in their order. Switches are
+no nodes: a switchable loop closure joins its two poses, whatever its switch.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from slamcli.graph.columns import BoolArray, Factors, IndexArray
+from slamcli.graph.columns import BoolArray, Factors, IndexArray, Variables
 from slamcli.graph.factor_graph import FactorGraph
 
 
@@ -48,10 +49,15 @@ class Topology:
         return sum(int(np.count_nonzero(mask)) for mask in self.loop_closures)
 
 
+def node_columns(graph: FactorGraph) -> dict[str, Variables]:
+    """The columns of variables that are nodes: all but switches."""
+    return {name: column for name, column in graph.variables.items() if column.kind.space}
+
+
 def node_offsets(graph: FactorGraph) -> dict[str, int]:
     """First node number of each kind of variable."""
     offsets, total = {}, 0
-    for name, column in graph.variables.items():
+    for name, column in node_columns(graph).items():
         offsets[name] = total
         total += len(column)
     return offsets
@@ -60,11 +66,11 @@ def node_offsets(graph: FactorGraph) -> dict[str, int]:
 def node_pairs(graph: FactorGraph) -> IndexArray:
     """Pairs of nodes (e, 2) that a factor joins, in the order of the columns of factors."""
     offsets = node_offsets(graph)
-    pairs = [
-        np.stack([offsets[kind.name] + factors.indices[:, slot] for slot, kind in enumerate(factors.kind.variables)], 1)
-        for factors in graph.factors
-        if len(factors.kind.variables) == 2
-    ]
+    pairs = []
+    for factors in graph.factors:
+        slots = [(slot, kind.name) for slot, kind in enumerate(factors.kind.variables) if kind.space]
+        if len(slots) == 2:
+            pairs.append(np.stack([offsets[name] + factors.indices[:, slot] for slot, name in slots], axis=1))
     return np.concatenate(pairs) if pairs else np.empty((0, 2), dtype=np.intp)
 
 
@@ -88,7 +94,7 @@ def connected_components(nodes: int, pairs: IndexArray) -> IndexArray:
 
 def component_labels(graph: FactorGraph) -> IndexArray:
     """Component number of each node of a graph."""
-    return connected_components(sum(len(column) for column in graph.variables.values()), node_pairs(graph))
+    return connected_components(sum(len(column) for column in node_columns(graph).values()), node_pairs(graph))
 
 
 def prior_dimensions(graph: FactorGraph, label: IndexArray) -> IndexArray:
@@ -96,7 +102,7 @@ def prior_dimensions(graph: FactorGraph, label: IndexArray) -> IndexArray:
     offsets = node_offsets(graph)
     total = np.zeros(int(label.max(initial=-1)) + 1, dtype=np.intp)
     for factors in graph.factors:
-        if len(factors.kind.variables) == 1:
+        if len(factors.kind.variables) == 1 and factors.kind.variables[0].space:
             rows = label[offsets[factors.kind.variables[0].name] + factors.indices[:, 0]]
             total += np.bincount(rows, minlength=len(total)) * factors.kind.dimension
     return total
@@ -112,7 +118,7 @@ def is_loop_closure(graph: FactorGraph, factors: Factors) -> BoolArray:
 
 def analyze(graph: FactorGraph) -> Topology:
     """Components, degrees, loop closures, parallel and self edges of a graph."""
-    nodes = sum(len(column) for column in graph.variables.values())
+    nodes = sum(len(column) for column in node_columns(graph).values())
     pairs = node_pairs(graph)
     loops = pairs[:, 0] == pairs[:, 1]
     proper = pairs[~loops]

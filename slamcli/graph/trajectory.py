@@ -90,7 +90,8 @@ def of_graph(graph: FactorGraph, source: str = "") -> Trajectory:
         return Trajectory(SE2, np.empty((0, 3)), np.empty(0, dtype=np.int64), source=source, graph=graph)
     column = max(columns, key=len)
     order = _by_id(column)
-    return Trajectory(column.kind, column.values[order], column.ids[order], source=source, graph=graph)
+    kind = column.kind if column.kind is SE2 else SE3  # the values of cameras begin with a pose
+    return Trajectory(kind, column.values[order, : kind.size], column.ids[order], source=source, graph=graph)
 
 
 def _by_id(column: Variables) -> IndexArray:

@@ -37,12 +37,12 @@ def components(values: Array) -> list[Array]:
 
 @dataclass(frozen=True)
 class VariableKind:
-    """A kind of variable: SE2 and SE3 poses, XY and XYZ points.
+    """A kind of variable: SE2 and SE3 poses, XY and XYZ points, switches.
 
     Attributes
     ----------
     name
-        ``"SE2"``, ``"SE3"``, ``"XY"`` or ``"XYZ"``; the key of the graph's columns.
+        ``"SE2"``, ``"SE3"``, ``"XY"``, ``"XYZ"`` or ``"SWITCH"``; the key of the graph's columns.
     size
         Numbers that store one value (7 for SE3: x y z qx qy qz qw).
     components
@@ -50,7 +50,7 @@ class VariableKind:
     is_pose
         Whether it has an orientation (poses are counted apart from landmarks and carry the gauge).
     space
-        2 or 3: the first ``space`` numbers of a value are its position in metres.
+        2 or 3: the first ``space`` numbers of a value are its position in metres. 0 for switches, which are nowhere.
     identity
         The neutral value.
     retract
@@ -76,6 +76,11 @@ class VariableKind:
     def dimension(self) -> int:
         """Tangent dimensions of one variable."""
         return len(self.components)
+
+    @property
+    def is_point(self) -> bool:
+        """Whether it is a place without an orientation: a landmark."""
+        return self.space > 0 and not self.is_pose
 
 
 class FactorKind(ABC):
@@ -108,7 +113,7 @@ class FactorKind(ABC):
 
     @property
     def relative_pose(self) -> bool:
-        """Whether the measurement is the second pose seen from the first, as an element of their group."""
+        """Whether the measurement is the second slot's pose seen from the first's, as an element of their group."""
         return False
 
     def normalize(self, measurement: Array) -> Array:

@@ -1,4 +1,4 @@
-"""The variable kinds: planar and spatial poses and points."""
+"""The variable kinds: planar and spatial poses and points, and the switches of loop closures."""
 
 from __future__ import annotations
 
@@ -10,6 +10,11 @@ from slamcli.models.base import Array, VariableKind
 
 def _unchanged(values: Array) -> Array:
     return values
+
+
+def _switched(values: Array, delta: Array) -> Array:
+    """Switches after a step: they stay within [0, 1], as in Vertigo."""
+    return np.clip(values + delta, 0.0, 1.0)
 
 
 SE2 = VariableKind(
@@ -61,4 +66,17 @@ XYZ = VariableKind(
     inverse=np.negative,
 )
 
-VARIABLE_KINDS: tuple[VariableKind, ...] = (SE2, SE3, XY, XYZ)
+SWITCH = VariableKind(
+    name="SWITCH",
+    size=1,
+    components=("s",),
+    is_pose=False,
+    space=0,
+    identity=(1.0,),
+    retract=_switched,
+    normalize=_unchanged,
+    compose=np.add,
+    inverse=np.negative,
+)
+
+VARIABLE_KINDS: tuple[VariableKind, ...] = (SE2, SE3, XY, XYZ, SWITCH)

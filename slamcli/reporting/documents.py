@@ -4,51 +4,16 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from slamcli import __version__
-from slamcli.graph import FactorGraph, Topology
-from slamcli.solver.options import OptimizeOptions
-from slamcli.solver.result import Result
+from slamcli.graph import FactorGraph
 
 if TYPE_CHECKING:
     from slamcli.graph.describe import GraphDescription, WorstEdge
 
 SCHEMA_VERSION = 1
-
-
-def optimize_document(
-    source: FactorGraph,
-    topology: Topology,
-    result: Result,
-    worst: list[WorstEdge],
-    time: dict[str, float],
-    memory: float,
-) -> dict[str, Any]:
-    """The document of ``slamcli optimize --json``."""
-    return {
-        **head("optimize"),
-        "input": input_section(source, topology.loop_closure_count, topology.component_count),
-        "options": asdict(result.options),
-        "gauge": asdict(result.gauge),
-        "start": result.start,
-        "status": result.status.value,
-        "reason": result.reason,
-        "diagnosis": list(result.diagnosis),
-        "exit_code": int(result.exit_code),
-        "iterations": result.iterations,
-        "initial_chi2": result.initial_chi2,
-        "final_chi2": result.final_chi2,
-        "dof": result.dof,
-        "trace": [asdict(record) for record in result.trace],
-        "sparsity": None if result.sparsity is None else asdict(result.sparsity),
-        "worst": [asdict(edge) for edge in worst],
-        "time": time,
-        "phases": result.time,
-        "peak_memory_mb": memory,
-    }
 
 
 def info_document(source: FactorGraph, description: GraphDescription, worst: list[WorstEdge]) -> dict[str, Any]:
@@ -58,22 +23,6 @@ def info_document(source: FactorGraph, description: GraphDescription, worst: lis
         "input": input_section(source, description.loop_closures, len(description.component_sizes)),
         **{key: value for key, value in asdict(description).items() if key != "loop_closures"},
         "worst": [asdict(edge) for edge in worst],
-    }
-
-
-def trace_events(source: FactorGraph, options: OptimizeOptions, result: Result) -> Iterable[dict[str, Any]]:
-    """The JSON Lines of ``slamcli optimize --trace``: start, iterations, end."""
-    path = source.report.path if source.report else None
-    start = {"event": "start", "input": path, "options": asdict(options), "chi2": result.initial_chi2}
-    yield {**head("optimize"), **start}
-    for record in result.trace:
-        yield {"event": "iteration", **asdict(record)}
-    yield {
-        "event": "end",
-        "status": result.status.value,
-        "reason": result.reason,
-        "iterations": result.iterations,
-        "final_chi2": result.final_chi2,
     }
 
 
@@ -96,6 +45,7 @@ def input_section(graph: FactorGraph, loop_closures: int, components: int) -> di
         "format": report.format if report else None,
         "poses": graph.poses,
         "landmarks": graph.landmarks,
+        "switches": graph.switches,
         "edges": graph.edges,
         "by_tag": report.by_tag if report else {},
         "loop_closures": loop_closures,

@@ -5,66 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from slamcli.graph import FactorGraph, ReadingReport, Topology
-from slamcli.reporting.text import coloured, count, plural, seconds, table
-from slamcli.solver.result import Result, Status
-from slamcli.solver.symbolic import Sparsity
+from slamcli.graph import FactorGraph, ReadingReport
+from slamcli.reporting.text import plural, table
 
 if TYPE_CHECKING:
     from slamcli.graph.describe import GraphDescription, WorstEdge
 
-_STATUS_COLOUR = {
-    Status.CONVERGED: "green",
-    Status.NOT_CONVERGED: "yellow",
-    Status.INTERRUPTED: "yellow",
-    Status.FAILED: "red",
-}
-_PHASES = ("order", "analyze", "linearize", "assemble", "factorize", "solve")
 _LISTED = 8
 
 
-def optimize_summary(
-    source: FactorGraph,
-    topology: Topology,
-    result: Result,
-    worst: list[WorstEdge],
-    time: dict[str, float],
-    memory: float,
-    written: str,
-    colour: bool,
-) -> list[str]:
-    """What ``slamcli optimize`` prints at the end."""
-    held = result.gauge.held
-    ids = _listed(held)
-    status = coloured(result.status.value.replace("_", " "), _STATUS_COLOUR[result.status], colour)
-    rows = [
-        ("graph", _counts(source, topology.loop_closure_count, topology.component_count)),
-        *_reading_rows(source.report),
-        ("gauge", f"{result.gauge.reason}: {ids}" if held else result.gauge.reason),
-        ("start", result.start),
-        ("status", f"{status}: {result.reason}"),
-        ("chi2", f"{result.initial_chi2:.6f} -> {result.final_chi2:.6f} in {plural(result.iterations, 'iteration')}"),
-    ]
-    if result.dof > 0:
-        rows.append(("chi2/dof", f"{result.final_chi2 / result.dof:.6g} ({result.dof} degrees of freedom)"))
-    if result.sparsity is not None:
-        rows += _sparsity_rows(result.sparsity)
-    rows += [
-        ("written", written),
-        ("time", f"{seconds(time['total'])}: {_listed_times(time, ('load', 'setup', 'iterate', 'write'))}"),
-        ("phases", _listed_times(result.time, _PHASES)),
-        ("memory", f"{memory:.0f} MB at the peak"),
-    ]
-    return table(rows, "<<") + worst_table(worst)
-
-
-def _listed(items: Sequence[int]) -> str:
+def listed(items: Sequence[int]) -> str:
     """The first few of many."""
     return ", ".join(str(item) for item in items[:_LISTED]) + (", ..." if len(items) > _LISTED else "")
-
-
-def _listed_times(times: dict[str, float], names: tuple[str, ...]) -> str:
-    return ", ".join(f"{name} {seconds(times[name])}" for name in names if times.get(name))
 
 
 def worst_table(worst: list[WorstEdge]) -> list[str]:
@@ -87,9 +39,9 @@ def worst_table(worst: list[WorstEdge]) -> list[str]:
 def info_summary(source: FactorGraph, description: GraphDescription) -> list[str]:
     """What ``slamcli info`` prints."""
     d = description
-    sizes = _listed(d.component_sizes)
+    sizes = listed(d.component_sizes)
     report = source.report
-    rows = [("graph", _counts(source, d.loop_closures, len(d.component_sizes))), *_reading_rows(report)]
+    rows = [("graph", counts(source, d.loop_closures, len(d.component_sizes))), *reading_rows(report)]
     if report is not None:
         text = f"{report.format}, {plural(report.lines, 'line')}, {report.comments} of comments, {report.blank} blank"
         rows.insert(1, ("file", text))
@@ -131,7 +83,8 @@ def reading_warnings(report: ReadingReport | None) -> list[str]:
     return out + report.notes
 
 
-def _reading_rows(report: ReadingReport | None) -> list[tuple[str, str]]:
+def reading_rows(report: ReadingReport | None) -> list[tuple[str, str]]:
+    """What was read and what was skipped."""
     if report is None:
         return []
     rows = [("records", ", ".join(f"{tag} {number}" for tag, number in report.by_tag.items()))]
@@ -143,28 +96,16 @@ def _reading_rows(report: ReadingReport | None) -> list[tuple[str, str]]:
     return rows
 
 
-def _counts(graph: FactorGraph, loop_closures: int, components: int) -> str:
+def counts(graph: FactorGraph, loop_closures: int, components: int) -> str:
+    """Poses, landmarks, edges, components in words."""
     parts = [plural(graph.poses, "pose")]
     if graph.landmarks:
         parts.append(plural(graph.landmarks, "landmark"))
+    if graph.switches:
+        parts.append(f"{graph.switches} switch" + "es" * (graph.switches != 1))
     parts.append(f"{plural(graph.edges, 'edge')} ({plural(loop_closures, 'loop closure')})")
     parts.append(plural(components, "component"))
     return f"{graph.space}-D, " + ", ".join(parts)
-
-
-def _sparsity_rows(sparsity: Sparsity) -> list[tuple[str, str]]:
-    return [
-        (
-            "hessian",
-            f"{sparsity.dimension} x {sparsity.dimension}, {sparsity.nnz_hessian} nonzeros in the triangle, "
-            f"density {sparsity.density:.3%}",
-        ),
-        (
-            "factor",
-            f"{sparsity.nnz_factor} nonzeros, fill-in {sparsity.fill_in:.2f}, {count(sparsity.factor_flops, 'flop')}, "
-            f"ordering {sparsity.ordering}",
-        ),
-    ]
 
 
 def _variable_table(description: GraphDescription) -> list[str]:

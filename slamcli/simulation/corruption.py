@@ -206,12 +206,16 @@ def perturb(graph: FactorGraph, translation: float, rotation: float, rng: np.ran
     out = {}
     for name, column in graph.variables.items():
         kind = column.kind
+        if kind.space == 0:
+            out[name] = column  # switches are no places
+            continue
         moved = rng.normal(0.0, translation, (len(column), kind.space))
         if kind is SE2:
             moved = np.concatenate([moved, rng.normal(0.0, rotation, (len(column), 1))], axis=1)
         elif kind.is_pose:
             turn = rng.normal(0.0, rotation, (len(column), 3))
-            moved = np.concatenate([moved, np.asarray(so3.exp(portable(turn)))], axis=1)
+            rest = np.zeros((len(column), kind.size - 7))  # intrinsics of cameras stay
+            moved = np.concatenate([moved, np.asarray(so3.exp(portable(turn))), rest], axis=1)
         rows = np.flatnonzero(column.known & ~column.fixed & ~held[name])
         values = column.values.copy()
         values[rows] = np.asarray(kind.normalize(kind.compose(portable(values[rows]), portable(moved[rows]))))

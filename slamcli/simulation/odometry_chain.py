@@ -84,7 +84,7 @@ def odometry_chain(graph: FactorGraph) -> OdometryChain:
     driven = np.zeros(len(steps), dtype=bool)
     for factors in reversed(relative):  # of several measurements of a step, the first one of the first column counts
         if factors.kind.variables[0] is column.kind:
-            rank = column.rank[factors.indices]
+            rank = column.rank[factors.indices[:, :2]]
             for backward, rows in enumerate((rank[:, 1] - rank[:, 0] == 1, rank[:, 0] - rank[:, 1] == 1)):
                 measured = factors.measurements[rows][::-1]
                 at = rank[rows].min(axis=1)[::-1]
@@ -103,4 +103,4 @@ def is_odometry(graph: FactorGraph, factors: Factors) -> BoolArray:
 def is_observation(factors: Factors) -> BoolArray:
     """Which factors are observations of a landmark by a pose."""
     kinds = factors.kind.variables
-    return np.full(len(factors), len(kinds) == 2 and kinds[0].is_pose and not kinds[1].is_pose)
+    return np.full(len(factors), len(kinds) == 2 and kinds[0].is_pose and kinds[1].is_point)

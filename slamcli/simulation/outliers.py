@@ -226,7 +226,7 @@ def _keys(pairs: IndexArray, chain: OdometryChain) -> IndexArray:
 def _existing(graph: FactorGraph, chain: OdometryChain) -> IndexArray:
     """Keys of the pairs that edges join already."""
     joined = [
-        chain.number[factors.indices]
+        chain.number[factors.indices[:, :2]]
         for factors in graph.factors
         if factors.kind.relative_pose and factors.kind.variables[0] is chain.kind
     ]
@@ -363,7 +363,7 @@ def _backward(graph: FactorGraph) -> bool:
     forward = backward = 0
     for factors in graph.factors:
         if factors.kind.relative_pose:
-            rank = graph.variables[factors.kind.variables[0].name].rank[factors.indices]
+            rank = graph.variables[factors.kind.variables[0].name].rank[factors.indices[:, :2]]
             apart = rank[:, 1] - rank[:, 0]
             forward, backward = forward + int((apart > 1).sum()), backward + int((apart < -1).sum())
     return backward > forward

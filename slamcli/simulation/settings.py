@@ -12,6 +12,7 @@ import yaml
 from slamcli.errors import UsageError
 from slamcli.formats.configuration import load_mapping, suggestion
 from slamcli.formats.quantities import parse_numbers
+from slamcli.simulation.camera_scenes import CAMERA_WORLDS, CameraScene
 from slamcli.simulation.checks import check
 from slamcli.simulation.scenario import Scenario, Sensor
 from slamcli.simulation.worlds import WORLDS
@@ -25,10 +26,11 @@ def load_scenario(source: str) -> dict[str, Any]:
     UsageError
         If there is neither such a world nor such a file, or the file is not a mapping in YAML.
     """
-    if source in WORLDS:
+    if source in WORLDS or source in CAMERA_WORLDS:
         return {"world": source}
     if not source.endswith((".yaml", ".yml")) and not os.path.exists(source):
-        raise UsageError(f"there is no world and no file {source!r}", (suggestion(source, WORLDS, "worlds"),))
+        worlds = (*WORLDS, *CAMERA_WORLDS)
+        raise UsageError(f"there is no world and no file {source!r}", (suggestion(source, worlds, "worlds"),))
     content = load_mapping(source)
     if not content:
         raise UsageError(f"{source}: holds no key", (f"  a world is enough, such as world: {next(iter(WORLDS))}",))
@@ -70,6 +72,18 @@ def scenario_of(content: dict[str, Any], source: str) -> Scenario:
     """
     out: Scenario = _build(Scenario, content, source, "")
     check(out, source)
+    return out
+
+
+def camera_scene_of(content: dict[str, Any], source: str) -> CameraScene:
+    """A checked scene of cameras of the content of a configuration file.
+
+    Raises
+    ------
+    UsageError
+        If a key is unknown or a value impossible.
+    """
+    out: CameraScene = _build(CameraScene, content, source, "")
     return out
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from slamcli.graph import FactorGraph, Factors
 from slamcli.graph.columns import BoolArray, finite_rows
-from slamcli.graph.topology import component_labels, prior_dimensions
+from slamcli.graph.topology import component_labels, node_columns, prior_dimensions
 from slamcli.models.base import Array, norm
 from slamcli.models.information import eigenvalue_range, indefinite
 from slamcli.solver.backends import NotPositiveDefiniteError
@@ -53,11 +53,11 @@ def not_finite(graph: FactorGraph, system: LinearSystem) -> tuple[str, tuple[str
     for factors in graph.factors:
         with np.errstate(all="ignore"):
             residual, jacobians = factors.linearize(system.values)
-        bad = ~finite_rows(residual)
+        bad = ~finite_rows(residual) | ~np.isfinite(factors.chi2(system.values))
         for jacobian in jacobians:
             bad |= ~finite_rows(jacobian)
         details += [
-            f"  {edge_name(graph, factors, int(k))}: residual or Jacobian is not finite"
+            f"  {edge_name(graph, factors, int(k))}: residual, its square or Jacobian is not finite"
             for k in np.flatnonzero(bad)[:_SHOWN]
         ]
     reason = "chi2 or its derivatives are not finite"
@@ -72,7 +72,7 @@ def not_positive_definite(
     direction = _flat_direction(problem, system)
     if direction is not None:
         curvature = problem.pattern.quadratic_form(system.hessian, direction)
-        relative = curvature / float(problem.diagonal(system).max())
+        relative = curvature / (float(problem.diagonal(system).max()) or 1.0)  # no information at all
         shown = f"{relative:.1e}" if abs(relative) > 1e-15 else "0"
         details.append(f"chi2 does not rise (relative curvature {shown}) along a direction that moves mostly:")
         details += _largest_movers(graph, held, direction)
@@ -83,12 +83,12 @@ def not_positive_definite(
 
 def _gauge_freedom(graph: FactorGraph, held: Held) -> list[str]:
     """Components that are held by partial priors only."""
-    label = component_labels(graph)
+    label, columns = component_labels(graph), node_columns(graph)
     prior_rows = prior_dimensions(graph, label)
     anchored = np.zeros(len(prior_rows), dtype=bool)
-    anchored[label[np.concatenate([held[name] for name in graph.variables])]] = True
+    anchored[label[np.concatenate([held[name] for name in columns])]] = True
     needed = 6 if graph.space == 3 else 3
-    ids = np.concatenate([column.ids for column in graph.variables.values()])
+    ids = np.concatenate([column.ids for column in columns.values()])
     return [
         f"gauge freedom: the component of {ids[label == k][0]} ({np.count_nonzero(label == k)} variables) is tied to "
         f"the world by {prior_rows[k]} prior dimensions, fewer than {needed}, and nothing in it is held"

@@ -18,8 +18,10 @@ import numpy as np
 from slamcli.graph import FactorGraph, Factors
 from slamcli.graph.columns import IndexArray, Values
 from slamcli.models.base import Array
+from slamcli.solver import grouped_batches
 from slamcli.solver import pattern as patterns
 from slamcli.solver.gauge import Held
+from slamcli.solver.grouped_batches import GroupedBatch
 from slamcli.solver.robust.loss import Loss, Losses
 from slamcli.solver.stopwatch import Stopwatch
 
@@ -81,12 +83,17 @@ class Linearizer:
         self.losses: Losses = losses or [None] * len(graph.factors)
         self.stopwatch = stopwatch
         self.free = {name: np.flatnonzero(~held[name]) for name in graph.variables}
-        self.pattern, targets = patterns.build(graph, held)
-        self._batches = [
-            batch
-            for factors, slots, loss in zip(graph.factors, targets, self.losses, strict=True)
-            for batch in _batches(factors, slots, loss)
-        ]
+        grouped = [grouped_batches.suits(factors) for factors in graph.factors]
+        self.pattern, targets = patterns.build(graph, held, grouped)
+        self._batches: list[_Batch | GroupedBatch] = []
+        self._grouped: list[list[GroupedBatch]] = []
+        for factors, target, loss in zip(graph.factors, targets, self.losses, strict=True):
+            if isinstance(target, patterns.BlockTargets):
+                self._grouped.append(grouped_batches.batches(factors, target, self.pattern, loss))
+                self._batches += self._grouped[-1]
+            else:
+                self._grouped.append([])
+                self._batches += _batches(factors, target, loss)
 
     def linearize(self, values: Values) -> LinearSystem:
         """chi2, gradient and H at a state."""
@@ -104,8 +111,10 @@ class Linearizer:
         """chi2 at a state, without the derivatives."""
         with self.stopwatch.phase("linearize"):
             return math.fsum(
-                float(_cost(factors.chi2(values), loss).sum())
-                for factors, loss in zip(self.graph.factors, self.losses, strict=True)
+                sum(batch.chi2(values) for batch in batches)
+                if batches
+                else float(_cost(factors.chi2(values), loss).sum())
+                for factors, loss, batches in zip(self.graph.factors, self.losses, self._grouped, strict=True)
             )
 
     def retract(self, values: Values, delta: Array) -> Values:

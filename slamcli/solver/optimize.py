@@ -1,32 +1,27 @@
-"""Optimizes a graph: gauge, start, setup, then one policy's steps until the termination test is met."""
+"""Optimizes a graph: gauge, start, setup, then the iterations from one start or, in doubt, from several."""
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from functools import partial
 from typing import Any
 
 from slamcli.errors import InputError, NumericalError
 from slamcli.graph import FactorGraph
-from slamcli.graph.columns import Values
-from slamcli.solver import diagnosis, gauge, policies
-from slamcli.solver.backends import NotPositiveDefiniteError
-from slamcli.solver.initialization import initialize
-from slamcli.solver.linear_system import LinearSystem
+from slamcli.solver import bundle, diagnosis, gauge, initialization, multistart
+from slamcli.solver.attempt import Attempt, OnIteration
+from slamcli.solver.initialization import Start
 from slamcli.solver.options import OptimizeOptions
-from slamcli.solver.policies.steps import Step
 from slamcli.solver.problem import Problem
-from slamcli.solver.result import IterationRecord, Result, Status
+from slamcli.solver.result import Result, StartRecord, Status
+from slamcli.solver.robust import kernels
 from slamcli.solver.stopwatch import Stopwatch
-from slamcli.solver.termination import Termination, Verdict
+from slamcli.solver.termination import Verdict
 
 #: ``Result.start`` of a run that found no values to start from; its chi2 is NaN.
 NO_START = "no start"
-
-#: Called with the chi2 at the start and no record, then with each iteration's record.
-OnIteration = Callable[[float, IterationRecord | None], None]
 
 
 def optimize(
@@ -67,7 +62,11 @@ def optimize(
         options = OptimizeOptions(fix=tuple(fix), **keywords)
     elif keywords:
         raise TypeError("give either options or keywords")
-    return _Run(graph, options, on_iteration or (lambda chi2, record: None), interrupted).result()
+    if options.robust != "none":
+        from slamcli.solver.robust.run import run  # it optimizes, too
+
+        return run(graph, options, on_iteration or (lambda start, chi2, record: None), interrupted)
+    return _Run(graph, options, on_iteration or (lambda start, chi2, record: None), interrupted).result()
 
 
 class _Run:
@@ -77,11 +76,13 @@ class _Run:
         self, graph: FactorGraph, options: OptimizeOptions, on_iteration: OnIteration, interrupted: Callable[[], bool]
     ) -> None:
         self.graph = graph.with_fixed(options.fix)
-        self.options = options
+        self.options = bundle.adapted(options, graph)
         self.on_iteration = on_iteration
         self.interrupted = interrupted
         self.stopwatch = Stopwatch()
-        self.trace: list[IterationRecord] = []
+        self.starts: dict[str, StartRecord] = {}
+        self.doubt: str | None = None
+        self.began = time.perf_counter()
 
     def result(self) -> Result:
         if not self.graph.factors:
@@ -90,102 +91,110 @@ class _Run:
             self.gauge, self.held = gauge.choose(self.graph)
         with self.stopwatch.phase("check"):
             defect = diagnosis.indefinite_information(self.graph)
-        all_held = all(mask.all() for mask in self.held.values())
-        steps_first = self.options.init == "auto" and not all_held  # a step from each candidate
-        problem = self._problem() if steps_first else None
         try:
-            with self.stopwatch.phase("init"):
-                values, self.start = initialize(self.graph, self.options.init, self.held, problem)
+            if defect is not None:
+                return self._not_started(Verdict(Status.FAILED, defect[0]), defect[1])
+            if all(mask.all() for mask in self.held.values()):
+                return self._not_started(Verdict(Status.CONVERGED, "all variables are held: nothing to optimize"))
+            return self._automatic() if self.options.init == "auto" else self._single()
         except NumericalError as error:
-            values, self.start, defect = self.graph.values, NO_START, (error.message, error.details)
-        if defect is not None:
-            return self._not_started(values, Verdict(Status.FAILED, defect[0]), defect[1])
-        if all_held:
-            return self._not_started(values, Verdict(Status.CONVERGED, "all variables are held: nothing to optimize"))
-        return self._iterate(problem or self._problem(), values)
+            nowhere = Start(NO_START, self.graph.values, NO_START)
+            return self._outcome(nowhere, Verdict(Status.FAILED, error.message), math.nan, details=error.details)
 
     def _problem(self) -> Problem:
-        return Problem(self.graph, self.held, self.options, self.stopwatch)
+        losses = kernels.losses(self.graph, self.options)
+        return Problem(self.graph, self.held, self.options, self.stopwatch, losses=losses)
 
-    def _iterate(self, problem: Problem, values: Values) -> Result:
-        now = problem.linearize(values)
-        initial = now.chi2
-        termination = Termination(self.options, initial)
-        policy = policies.make(self.options)
-        self.on_iteration(initial, None)
-        if not now.is_finite:
-            return self._failed(problem, now, initial, diagnosis.not_finite(self.graph, now))
-        verdict = termination.at_start(now.gradient_norm)
-        if now.gradient_norm == 0.0 and problem.full_step(now).singular:
-            found = diagnosis.not_positive_definite(self.graph, self.held, problem, now)
-            return self._failed(problem, now, initial, found)
-        began = time.perf_counter()
-        while verdict is None:
-            start = time.perf_counter()
-            try:
-                step = policy.step(problem, now)
-            except NotPositiveDefiniteError:
-                reason, details = diagnosis.not_positive_definite(self.graph, self.held, problem, now)
-                if now.chi2 > initial:
-                    risen = f"chi2 had risen from {initial:.6g} to {now.chi2:.6g}: the run was diverging"
-                    details = (f"{risen} (try --method lm, or another --init)", *details)
-                return self._failed(problem, now, initial, (reason, details))
-            if not step.system.is_finite:
-                return self._failed(problem, now, initial, diagnosis.not_finite(self.graph, step.system))
-            decrease, now = now.chi2 - step.system.chi2, step.system
-            self._record(step, decrease, time.perf_counter() - start)
-            seconds = time.perf_counter() - began
-            verdict = termination.after(step, decrease, len(self.trace), seconds, partial(problem.full_step, now))
-            if verdict is None and self.interrupted():
-                verdict = Verdict(Status.INTERRUPTED, f"on request, after iteration {len(self.trace)}")
-        return self._ended(problem, now.values, initial, now.chi2, verdict, ())
+    def _single(self) -> Result:
+        """One run from the start that was asked for."""
+        start = self._make(partial(initialization.make, self.graph, self.options.init, self.held))
+        attempt = self._begin(self._problem(), start)
+        self._to_the_end(attempt)
+        return self._ended(attempt)
 
-    def _record(self, step: Step, decrease: float, seconds: float) -> None:
-        record = IterationRecord(
-            iteration=len(self.trace) + 1,
-            chi2=step.system.chi2,
-            chi2_change=-decrease,
-            gradient_norm=step.system.gradient_norm,
-            step_norm=step.norm,
-            damping=step.damping,
-            trials=step.trials,
-            accepted=step.accepted,
-            step=step.kind,
-            time=seconds,
-        )
-        self.trace.append(record)
-        self.on_iteration(record.chi2, record)
+    def _automatic(self) -> Result:
+        """See ``multistart``."""
+        robust = any(loss is not None for loss in kernels.losses(self.graph, self.options) or ())
+        dof = None if robust else self.graph.degrees_of_freedom(self.held)
+        problem = self._problem()
 
-    def _not_started(self, values: Values, verdict: Verdict, details: tuple[str, ...] = ()) -> Result:
-        chi2 = self.graph.chi2(values) if self.start != NO_START else math.nan
-        return self._ended(None, values, chi2, chi2, verdict, details)
+        def chi2(start: Start) -> float:
+            cost = problem.chi2(start.values)
+            self.starts[start.name] = StartRecord.unused(start, cost)
+            return cost
 
-    def _failed(
-        self, problem: Problem, now: LinearSystem, initial: float, found: tuple[str, tuple[str, ...]]
-    ) -> Result:
-        return self._ended(problem, now.values, initial, now.chi2, Verdict(Status.FAILED, found[0]), found[1])
+        def ranked(starts: Iterator[Callable[[], Start]]) -> list[tuple[float, Start]]:
+            return multistart.ranked((partial(self._make, make) for make in starts), chi2, dof)
 
-    def _ended(
+        (lowest, first), *others = ranked(initialization.automatic(self.graph, self.held, trust_closures=not robust))
+        attempts = [self._begin(problem, first)]
+        self._to_the_end(attempts[0], until=multistart.erratic)
+        if self.interrupted():
+            attempts[0].interrupt()
+        elif self.options.max_iterations > 0:
+            self.doubt = multistart.doubt(attempts[0], dof, from_file=first.name == "file")
+        if self.doubt is not None:
+            if first.name == "file" and not others:  # it was good enough without a look at the relaxation
+                starts = list(initialization.automatic(self.graph, self.held, trust_closures=not robust))[1:]
+                others = ranked(iter(starts)) if starts else []
+            others += ranked(initialization.in_doubt(self.graph, self.held))
+            for start in multistart.worth_a_run(others, lowest):
+                attempts.append(self._begin(problem, start))
+                self._to_the_end(attempts[-1])
+            if multistart.best(attempts) is attempts[0]:
+                self._to_the_end(attempts[0])
+            attempts[0].leave()
+        for attempt in attempts:
+            self.starts[attempt.start.name] = StartRecord.of(attempt)
+        return self._ended(multistart.best(attempts))
+
+    def _make(self, make: Callable[[], Start]) -> Start:
+        with self.stopwatch.phase("init"):
+            return make()
+
+    def _begin(self, problem: Problem, start: Start) -> Attempt:
+        return Attempt(problem, start, self.options, self.on_iteration, self.began)
+
+    def _to_the_end(self, attempt: Attempt, until: Callable[[Attempt], bool] = lambda attempt: False) -> None:
+        while attempt.verdict is None and not until(attempt):
+            attempt.advance()
+            if attempt.verdict is None and self.interrupted():
+                attempt.interrupt()
+
+    def _not_started(self, verdict: Verdict, details: tuple[str, ...] = ()) -> Result:
+        """A run that has nothing to do or cannot begin, at its start."""
+        method = "file" if self.options.init == "auto" else self.options.init
+        start = self._make(partial(initialization.make, self.graph, method, self.held))
+        return self._outcome(start, verdict, self.graph.chi2(start.values), details=details)
+
+    def _ended(self, attempt: Attempt) -> Result:
+        details = attempt.diagnose(self.graph, self.held)
+        assert attempt.verdict is not None
+        return self._outcome(attempt.start, attempt.verdict, attempt.initial, attempt=attempt, details=details)
+
+    def _outcome(
         self,
-        problem: Problem | None,
-        values: Values,
-        initial: float,
-        final: float,
+        start: Start,
         verdict: Verdict,
+        initial: float,
+        *,
+        attempt: Attempt | None = None,
         details: tuple[str, ...],
     ) -> Result:
         return Result(
-            graph=self.graph.with_values(values),
+            graph=self.graph.with_values(start.values if attempt is None else attempt.now.values),
             options=self.options,
             gauge=self.gauge,
             status=verdict.status,
             reason=verdict.reason,
-            start=self.start,
+            start=start.words,
             initial_chi2=initial,
-            final_chi2=final,
+            final_chi2=initial if attempt is None else attempt.chi2,
             dof=self.graph.degrees_of_freedom(self.held),
-            trace=self.trace,
+            trace=[] if attempt is None else attempt.trace,
+            starts=list(self.starts.values()),
+            doubt=self.doubt,
             diagnosis=details,
             time=self.stopwatch.seconds,
-            problem=problem,
+            problem=None if attempt is None else attempt.problem,
         )

@@ -6,11 +6,26 @@ from dataclasses import dataclass, fields
 
 from slamcli.errors import UsageError
 
-METHODS = ("gn", "lm", "dogleg")
+METHODS = ("auto", "gn", "lm", "dogleg")
 INITS = ("file", "odometry", "spanning-tree", "chordal", "auto")
-ORDERINGS = ("amd", "natural")
+ORDERINGS = ("auto", "amd", "colamd", "metis", "rcm", "natural", "amd-landmarks-first", "amd-last-pose-last")
 LINEAR_SOLVERS = ("cholmod", "superlu", "pardiso")
+ELIMINATIONS = ("auto", "none", "schur")
 SCALINGS = ("none", "marquardt")
+KERNELS = (
+    "none",
+    "huber",
+    "pseudo-huber",
+    "cauchy",
+    "geman-mcclure",
+    "welsch",
+    "fair",
+    "tukey",
+    "dcs",
+    "saturated",
+)
+KERNEL_ON = ("closures", "all")
+ROBUST = ("none", "auto", "gnc", "gnc-gm", "switchable", "pcm", "pcm+gnc")
 
 
 @dataclass(frozen=True)
@@ -20,10 +35,12 @@ class OptimizeOptions:
     Attributes
     ----------
     method
-        ``gn`` (Gauss-Newton), ``lm`` (Levenberg-Marquardt) or ``dogleg`` (Powell).
+        ``auto`` (watched Gauss-Newton, see ``policies.automatic``), ``gn`` (Gauss-Newton), ``lm``
+        (Levenberg-Marquardt) or ``dogleg`` (Powell).
     init
         Where it starts: the ``file``'s values, the integrated ``odometry``, a ``spanning-tree``, a ``chordal``
-        relaxation, or ``auto``: what is best of the file's values and two chordal starts.
+        relaxation, or ``auto``: the better of the file's values and a chordal relaxation, in doubt runs from both and
+        more (see ``multistart``).
     max_iterations
         Budget of iterations.
     tolerance
@@ -33,23 +50,45 @@ class OptimizeOptions:
     fix
         Ids of variables to hold, on top of those that the file fixes.
     ordering
-        Elimination order: ``amd`` or ``natural``.
+        Elimination order, one of ``ORDERINGS``; ``auto`` is ``amd``, or on large graphs ``metis`` where that is better.
     linear_solver
         ``cholmod``, ``superlu`` or ``pardiso``.
+    elimination
+        ``none``, ``schur`` (points first, block by block: see ``solver.schur``), or ``auto``: that where it saves time.
     scaling
         Damping of Levenberg-Marquardt: ``none`` adds lambda to the diagonal of H as g2o does, ``marquardt`` adds
         lambda times the diagonal.
+    kernel
+        Robust kernel, ``none`` for least squares (see ``robust.kernels``).
+    kernel_width
+        Its width, in units of the root of an edge's chi2; of chi2 itself for ``geman-mcclure`` and ``dcs``. None: where
+        chi2 is at its 99 % quantile.
+    kernel_on
+        The edges that it acts on: loop ``closures`` or ``all``.
+    robust
+        How false loop closures are rejected (see ``robust.run``); ``auto`` is ``pcm+gnc``, which it becomes.
+    robust_probability
+        With which a right closure passes the gate that rejects the others.
+    noise_scale
+        Noise of the edges over the noise that their information states, None to estimate it.
     """
 
-    method: str = "gn"
-    init: str = "file"
+    method: str = "auto"
+    init: str = "auto"
     max_iterations: int = 100
     tolerance: float = 1e-9
     time_limit: float | None = None
     fix: tuple[int, ...] = ()
-    ordering: str = "amd"
+    ordering: str = "auto"
     linear_solver: str = "cholmod"
+    elimination: str = "auto"
     scaling: str = "none"
+    kernel: str = "none"
+    kernel_width: float | None = None
+    kernel_on: str = "closures"
+    robust: str = "none"
+    robust_probability: float = 0.9999
+    noise_scale: float | None = None
 
     def __post_init__(self) -> None:
         for name, allowed in (
@@ -57,7 +96,11 @@ class OptimizeOptions:
             ("init", INITS),
             ("ordering", ORDERINGS),
             ("linear_solver", LINEAR_SOLVERS),
+            ("elimination", ELIMINATIONS),
             ("scaling", SCALINGS),
+            ("kernel", KERNELS),
+            ("kernel_on", KERNEL_ON),
+            ("robust", ROBUST),
         ):
             if getattr(self, name) not in allowed:
                 raise UsageError(f"{name} {getattr(self, name)!r} does not exist", (f"  one of: {', '.join(allowed)}",))
@@ -67,6 +110,16 @@ class OptimizeOptions:
             raise UsageError(f"max_iterations must not be negative, got {self.max_iterations}")
         if self.time_limit is not None and not self.time_limit > 0.0:
             raise UsageError(f"time_limit must be positive, got {self.time_limit}")
+        if self.kernel_width is not None and not 1e-100 <= self.kernel_width <= 1e100:
+            raise UsageError(f"kernel_width must be positive, from 1e-100 to 1e100, got {self.kernel_width}")
+        if self.robust == "auto":
+            object.__setattr__(self, "robust", "pcm+gnc")
+        if self.robust != "none" and self.kernel != "none":
+            raise UsageError("robust and kernel are two ways to the same end", ("  give one of them",))
+        if not 0.0 < self.robust_probability < 1.0:
+            raise UsageError(f"robust_probability must lie between 0 and 1, got {self.robust_probability}")
+        if self.noise_scale is not None and not self.noise_scale > 0.0:
+            raise UsageError(f"noise_scale must be positive, got {self.noise_scale}")
 
     @classmethod
     def names(cls) -> tuple[str, ...]:

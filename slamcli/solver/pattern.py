@@ -7,6 +7,7 @@ factorizations read only their upper triangles.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -28,11 +29,15 @@ class BlockPattern:
         (n,) rows of each block variable.
     rows, columns
         (e,) block coordinates of the stored blocks, ``rows <= columns``, sorted by column, then row.
+    pose_rank
+        (n,) place of each pose when all variables are sorted by id, -1 for what is no pose; None where that is not
+        known. Only orders with constraints ask for it.
     """
 
     sizes: IndexArray
     rows: IndexArray
     columns: IndexArray
+    pose_rank: IndexArray | None = None
 
     @cached_property
     def offsets(self) -> IndexArray:
@@ -56,6 +61,11 @@ class BlockPattern:
         stacked = np.concatenate([[0], np.cumsum(self.sizes[self.rows])])
         first = np.concatenate([[0], np.cumsum(np.bincount(self.columns, minlength=len(self.sizes)))])
         return column_start[self.columns] + stacked[:-1] - stacked[first[self.columns]]
+
+    @cached_property
+    def diagonal_base(self) -> IndexArray:
+        """(n,) position of the first entry of each diagonal block in the array of values."""
+        return self.base[self.rows == self.columns]
 
     @cached_property
     def stored(self) -> int:
@@ -110,26 +120,58 @@ def _repeated_ranges(start: IndexArray, length: IndexArray, times: IndexArray) -
     return np.arange(int(ends[-1]) if len(ends) else 0) + np.repeat(start - ends + length, length)
 
 
-#: For each column of factors and each of its slots: where the entries of the slot's products go.
-Targets = list[list[IndexArray]]
+#: For a column of factors and each of its slots: where the entries of the slot's products go.
+EntryTargets = list[IndexArray]
 
 
-def build(graph: FactorGraph, held: Held) -> tuple[BlockPattern, Targets]:
+@dataclass(frozen=True, eq=False)
+class BlockTargets:
+    """Where the blocks of factors with two slots go, block by block.
+
+    Attributes
+    ----------
+    blocks
+        For each slot the number (m,) of its block variable, -1 where it is held.
+    entries
+        For each slot, and for both together, which stored block (m,) takes the product; -1 for none.
+    flipped
+        (m,) whether the block of both is stored transposed.
+    """
+
+    blocks: list[IndexArray]
+    entries: tuple[IndexArray, IndexArray, IndexArray]
+    flipped: BoolArray
+
+
+#: For each column of factors: where its products go.
+Targets = list[EntryTargets | BlockTargets]
+
+
+def build(graph: FactorGraph, held: Held, blockwise: Sequence[bool] = ()) -> tuple[BlockPattern, Targets]:
     """Block pattern of the Hessian of a graph, and where each factor's contributions go.
 
     Block variables are the free variables, kind by kind in the order of the graph's columns.
+
+    Parameters
+    ----------
+    graph
+        The graph.
+    held
+        Which variables do not move.
+    blockwise
+        For each column of factors, whether its targets are wanted as ``BlockTargets``; none are by default.
 
     Returns
     -------
     pattern
         Of H.
     targets
-        For each column of factors and each slot s, (m, d_s, w) positions of the entries of
+        For each column of factors ``BlockTargets``, or for each slot s, (m, d_s, w) positions of the entries of
         ``J_s^T Omega [J_s ... J_last, e]``: the blocks of H of this slot and all later ones, and the gradient.
         Positions below ``pattern.stored`` are stored values of H, the next ``pattern.dimension`` are the gradient,
         and one more takes what belongs to held variables.
     """
-    number, sizes = _block_numbers(graph, held)
+    number, sizes = block_numbers(graph, held)
     count = len(sizes)
     keys = []
     for factors in graph.factors:
@@ -140,12 +182,16 @@ def build(graph: FactorGraph, held: Held) -> tuple[BlockPattern, Targets]:
     unique, inverse = np.unique(np.concatenate(keys), return_inverse=True)
     skipped = int(len(unique) > 0 and unique[0] < 0)
     columns, rows = np.divmod(unique[skipped:], max(count, 1))
-    pattern = BlockPattern(sizes, rows, columns)
+    pattern = BlockPattern(sizes, rows, columns, _pose_rank(graph, held))
     entries = iter(np.split(inverse - skipped, np.cumsum([len(k) for k in keys])[:-1]))
-    targets = []
-    for factors in graph.factors:
+    targets: Targets = []
+    for column, factors in enumerate(graph.factors):
         kinds = factors.kind.variables
         blocks = [number[kind.name][factors.indices[:, s]] for s, kind in enumerate(kinds)]
+        if blockwise and blockwise[column]:
+            used = [(np.where(use, next(entries), -1)) for _, _, _, _, use in _slot_pairs(blocks)]
+            targets.append(BlockTargets(blocks, (used[0], used[2], used[1]), blocks[0] > blocks[1]))
+            continue
         widths = [kind.dimension for kind in kinds]
         slots = [np.empty((len(factors), d, sum(widths[s:]) + 1), dtype=np.intp) for s, d in enumerate(widths)]
         for s, t, _, high, use in _slot_pairs(blocks):
@@ -178,7 +224,7 @@ def _gradient_targets(out: IndexArray, pattern: BlockPattern, blocks: IndexArray
     out[blocks < 0] = pattern.stored + pattern.dimension
 
 
-def _block_numbers(graph: FactorGraph, held: Held) -> tuple[dict[str, IndexArray], IndexArray]:
+def block_numbers(graph: FactorGraph, held: Held) -> tuple[dict[str, IndexArray], IndexArray]:
     """Number of each variable's block (-1 if held), by kind, and the sizes of all blocks."""
     number, sizes, total = {}, [], 0
     for name, column in graph.variables.items():
@@ -191,18 +237,32 @@ def _block_numbers(graph: FactorGraph, held: Held) -> tuple[dict[str, IndexArray
     return number, np.concatenate(sizes)
 
 
+def _pose_rank(graph: FactorGraph, held: Held) -> IndexArray:
+    """Place of each free pose among the poses by id, -1 for other free variables, in the order of the blocks."""
+    columns = list(graph.variables.items())
+    order = np.argsort(np.concatenate([column.ids for _, column in columns]), kind="stable")
+    rank = np.empty(len(order), dtype=np.intp)
+    rank[order] = np.arange(len(order))
+    is_pose = np.concatenate([np.full(len(column), column.kind.is_pose) for _, column in columns])
+    return np.where(is_pose, rank, -1)[np.concatenate([~held[name] for name, _ in columns])]
+
+
 def _slot_pairs(blocks: list[IndexArray]) -> list[tuple[int, int, IndexArray, IndexArray, BoolArray]]:
     """For each pair of slots s <= t: lower and higher block, and which factors contribute.
 
-    A factor that joins a variable with itself is constant for relative measurements; it contributes nothing.
+    A factor that joins a variable with itself does not depend on it, for relative measurements; these two slots
+    contribute nothing.
     """
-    proper = np.ones(len(blocks[0]), dtype=bool)
-    for s in range(len(blocks)):
-        for t in range(s):
-            proper &= blocks[s] != blocks[t]
+    proper = []
+    for s, own in enumerate(blocks):
+        use = own >= 0
+        for t, other in enumerate(blocks):
+            if t != s:
+                use = use & (own != other)
+        proper.append(use)
     pairs = []
     for s in range(len(blocks)):
         for t in range(s, len(blocks)):
-            use = proper & (blocks[s] >= 0) & (blocks[t] >= 0) if t > s or len(blocks) > 1 else blocks[s] >= 0
-            pairs.append((s, t, np.minimum(blocks[s], blocks[t]), np.maximum(blocks[s], blocks[t]), use))
+            low, high = np.minimum(blocks[s], blocks[t]), np.maximum(blocks[s], blocks[t])
+            pairs.append((s, t, low, high, proper[s] & proper[t]))
     return pairs

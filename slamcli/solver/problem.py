@@ -10,7 +10,7 @@ import numpy as np
 from slamcli.graph import FactorGraph
 from slamcli.graph.columns import Values
 from slamcli.models.base import Array, dot
-from slamcli.solver import backends, ordering, symbolic
+from slamcli.solver import backends, ordering, schur
 from slamcli.solver.gauge import Held
 from slamcli.solver.linear_system import Linearizer, LinearSystem
 from slamcli.solver.options import OptimizeOptions
@@ -72,10 +72,15 @@ class Problem:
             self._linearizer = Linearizer(graph, held, stopwatch, losses)
         self.pattern = self._linearizer.pattern
         with stopwatch.phase("order"):
-            self._block_order = ordering.order(options.ordering, self.pattern)
+            self.schur = schur.select(options.elimination, options.ordering, graph, held, self.pattern)
+            self.elimination = self.schur.elimination if self.schur else ordering.find(options.ordering, self.pattern)
         with stopwatch.phase("analyze"):
-            permutation = ordering.expand(self.pattern, self._block_order)
-            self._factorization = backends.make(options.linear_solver, self.pattern, permutation)
+            self.permutation = ordering.expand(self.pattern, self.elimination.order)
+            self._factorization = (
+                self.schur.factorization(options.linear_solver)
+                if self.schur
+                else backends.make(options.linear_solver, self.pattern, self.permutation)
+            )
 
     def linearize(self, values: Values) -> LinearSystem:
         """chi2, gradient and H at a state."""
@@ -106,6 +111,11 @@ class Problem:
         with self.stopwatch.phase("solve"):
             return self._factorization.solve(-system.gradient)
 
+    def solve_again(self, system: LinearSystem) -> Array:
+        """The step for a gradient with the factor of the last ``solve``."""
+        with self.stopwatch.phase("solve"):
+            return self._factorization.solve(-system.gradient)
+
     def diagonal(self, system: LinearSystem) -> Array:
         """Diagonal of H."""
         return system.hessian[self.pattern.diagonal]
@@ -129,7 +139,7 @@ class Problem:
     @cached_property
     def sparsity(self) -> Sparsity:
         """Sparsity of H and of its factor, by symbolic analysis."""
-        analysis = symbolic.analyze(self.pattern, self._block_order)
+        analysis = self.elimination.analysis(self.pattern)
         dimension, nnz = self.pattern.dimension, self.pattern.nnz
         return Sparsity(
             dimension=dimension,
@@ -137,6 +147,7 @@ class Problem:
             nnz_factor=analysis.nnz_factor,
             fill_in=analysis.nnz_factor / max(nnz, 1),
             factor_flops=analysis.flops,
-            ordering=self.options.ordering,
+            ordering=self.elimination.name,
             density=(2 * nnz - dimension) / max(np.square(float(dimension)), 1.0),
+            reduced=None if self.schur is None else self.schur.reduced_system,
         )

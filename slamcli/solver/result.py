@@ -11,10 +11,14 @@ from slamcli.errors import ExitCode
 from slamcli.graph import FactorGraph
 from slamcli.solver.gauge import Gauge
 from slamcli.solver.options import OptimizeOptions
+from slamcli.solver.robust import kernels
 from slamcli.solver.symbolic import Sparsity
 
 if TYPE_CHECKING:
+    from slamcli.solver.attempt import Attempt
+    from slamcli.solver.initialization import Start
     from slamcli.solver.problem import Problem
+    from slamcli.solver.robust.rejection import Rejection
 
 
 class Status(StrEnum):
@@ -59,9 +63,14 @@ class IterationRecord:
     accepted
         Whether the last one was taken.
     step
-        Kind of the step: ``gauss-newton``, ``damped``, ``steepest-descent`` or ``dogleg``.
+        Kind of the step: ``gauss-newton``, ``simplified-newton`` (with the factor of the step before), ``accelerated``
+        (extrapolated), ``damped``, ``steepest-descent`` or ``dogleg``.
     time
         Seconds.
+    gain_ratio
+        Decrease of chi2 over the decrease that the quadratic model promised, None where that is not known.
+    stage
+        Of a robust run: ``gnc`` or ``gnc-gm`` and mu, then ``set``; None in the final optimization and in other runs.
     """
 
     iteration: int
@@ -74,6 +83,48 @@ class IterationRecord:
     accepted: bool
     step: str
     time: float
+    gain_ratio: float | None = None
+    stage: str | None = None
+
+
+@dataclass(frozen=True)
+class StartRecord:
+    """A start that ``--init auto`` considered.
+
+    Attributes
+    ----------
+    name
+        ``file``, ``chordal`` or ``chordal-anchors``.
+    words
+        Where its values come from.
+    initial_chi2
+        At the start.
+    status, reason, final_chi2
+        Of the run from it; None if there was none.
+    trace
+        The iterations of that run.
+    """
+
+    name: str
+    words: str
+    initial_chi2: float
+    status: Status | None = None
+    reason: str | None = None
+    final_chi2: float | None = None
+    trace: tuple[IterationRecord, ...] = ()
+
+    @classmethod
+    def unused(cls, start: Start, chi2: float) -> StartRecord:
+        """Of a start from which nothing was run."""
+        return cls(start.name, start.words, chi2)
+
+    @classmethod
+    def of(cls, attempt: Attempt) -> StartRecord:
+        """Of a run that has ended."""
+        assert attempt.verdict is not None
+        verdict, start = attempt.verdict, attempt.start
+        trace = tuple(attempt.trace)
+        return cls(start.name, start.words, attempt.initial, verdict.status, verdict.reason, attempt.chi2, trace)
 
 
 @dataclass
@@ -95,15 +146,22 @@ class Result:
     start
         Where the run started, in words.
     initial_chi2, final_chi2
-        At the start and at the end.
+        At the start and at the end: what was minimized, so with a robust kernel its cost (see ``plain_chi2``).
     dof
         Residual dimensions minus free tangent dimensions.
     trace
-        The iterations.
+        The iterations from the start that was taken.
+    starts
+        What ``--init auto`` considered, empty with other starts.
+    doubt
+        Why it ran more than one of them, None if it did not.
     time
         Seconds by phase: gauge, check, init, pattern, order, analyze, linearize, assemble, factorize, solve, retract.
     problem
         The linear problem of the run, for what is computed on demand; None if it was never built.
+    rejection
+        Which loop closures a robust run rejected; None in other runs. ``final_chi2`` and ``dof`` then cover what is
+        kept.
     """
 
     graph: FactorGraph
@@ -116,14 +174,34 @@ class Result:
     final_chi2: float
     dof: int
     trace: list[IterationRecord] = field(default_factory=list)
+    starts: list[StartRecord] = field(default_factory=list)
+    doubt: str | None = None
     diagnosis: tuple[str, ...] = ()
     time: dict[str, float] = field(default_factory=dict)
     problem: Problem | None = None
+    rejection: Rejection | None = None
 
     @cached_property
     def sparsity(self) -> Sparsity | None:
         """Sparsity of the linear system, analyzed when it is first asked for; None if it was never built."""
         return None if self.problem is None else self.problem.sparsity
+
+    @cached_property
+    def plain_chi2(self) -> float:
+        """Sum of e^T Omega e over all edges at the end, whatever was minimized."""
+        plain = self.options.kernel == "none" and self.options.robust == "none"
+        return self.final_chi2 if plain else self.graph.chi2()
+
+    @cached_property
+    def kernel_edges(self) -> int:
+        """Number of edges on which the robust kernel acts."""
+        return sum(int(mask.sum()) for mask in kernels.affected(self.graph, self.options))
+
+    @cached_property
+    def kernel_widths(self) -> tuple[float, ...]:
+        """Widths of the robust kernel: one for each dimension of the edges on which it acts, where none was given."""
+        masks = zip(self.graph.factors, kernels.affected(self.graph, self.options), strict=True)
+        return tuple(sorted({kernels.width(self.options, f.kind.dimension) for f, mask in masks if mask.any()}))
 
     @property
     def iterations(self) -> int:

@@ -16,6 +16,8 @@ _ROUNDING, _ROUNDING_AT_START = 1e-14, 1e-17
 _CONFIRM = 10.0
 #: The decrease still to come is extrapolated only from steps that already change chi2 by less than this share of it.
 _NEAR = 1e-3
+#: Kinds of steps that are neither damped nor cut nor extrapolated.
+_FULL = ("gauss-newton", "simplified-newton")
 #: No variable moved by more than this (metres, radians): nothing is left to gain in double precision.
 _SMALLEST_STEP = 1e-12
 
@@ -66,7 +68,7 @@ class Termination:
         what the full Gauss-Newton step promises from here.
         """
         verdict = self._converged(step, decrease)
-        if verdict is not None and step.kind != "gauss-newton":
+        if verdict is not None and step.kind not in _FULL:
             verdict = self._confirmed(verdict, step, full_step())
         if verdict is not None:
             return verdict
@@ -104,7 +106,7 @@ class Termination:
         if abs(decrease) <= tolerance * chi2:
             share = abs(decrease) / chi2
             return Verdict(Status.CONVERGED, f"relative change of chi2 {share:.1e} is below {tolerance:.0e}")
-        if step.kind == "gauss-newton" and 0.0 < decrease < min(self._previous, _NEAR * chi2):
+        if step.kind in _FULL and 0.0 < decrease < min(self._previous, _NEAR * chi2):
             ratio = decrease / self._previous
             to_come = decrease * ratio / (1.0 - ratio) / chi2
             if to_come <= tolerance:

@@ -38,6 +38,22 @@ EDGE_SE2_XY 0 7 2 1 100 0 100
 EDGE_SE2_XY 1 7 1 1 100 0 100
 EDGE_SE2_XY 2 7 0 1 100 0 100
 """
+CHAIN = "".join(line for line in LINE.splitlines(keepends=True) if not line.startswith("EDGE_SE2 0 2"))
+#: A pose in the middle of three, a chain too long to be drawn, and what some rows add to other graphs.
+STAR = "".join(f"VERTEX_SE2 {k} {k} 0 0\n" for k in range(4))
+STAR += "".join(f"EDGE_SE2 0 {k} {k} 0 0 1 0 0 1 0 1\n" for k in range(1, 4))
+LONG = "".join(f"VERTEX_SE2 {k} {k} 0 0\n" for k in range(151))
+VERTICES = "VERTEX2 0 0 0 0\nVERTEX2 1 1.1 0 0\n"
+EXTRA = "VERTEX_SE2 3 3 0 0\nEDGE_SE2 2 3 1 0 0 1 0 0 1 0 1\n"
+#: A closure that says a path of two metres ends where it began.
+FALSE_CLOSURE = """\
+VERTEX_SE2 0 0 0 0
+VERTEX_SE2 1 1 0 0
+VERTEX_SE2 2 2 0 0
+EDGE_SE2 0 1 1 0 0 100 0 0 100 0 400
+EDGE_SE2 1 2 1 0 0 100 0 0 100 0 400
+EDGE_SE2 0 2 0 0 0 100 0 0 100 0 400
+"""
 CONFIG = "method: lm\nmax-iterations: 3\nfix: [1]\n"
 
 
@@ -51,6 +67,14 @@ class Case:
     err: str | tuple[str, ...] = ()
     content: str = LINE
     config: str = CONFIG
+
+
+#: Two cameras of BAL, the first with distortion, and two points that both see.
+SCENE = (
+    "2 2 4\n0 0 1.5 -2.5\n0 1 50 0\n1 0 0.25 0.5\n1 1 30 0\n"
+    + "0 0 0 0 0 0 100 0.5 0 0 0 0 0 0 -2 100 0 0 0 0 -2 1 0 -2".replace(" ", "\n")
+    + "\n"
+)
 
 
 CASES = (
@@ -86,6 +110,10 @@ CASES = (
     Case("convert {in} - --to g2o", 0, out="EDGE_SE2 0 1 1.1 0 0 1 0 0 2 0 3\n", content=TORO),
     Case("convert {in} - --to toro", 0, err="not carried over: 1 XY vertices", content=SINGULAR),
     Case("convert - {out} --dialect g2o", 0),
+    Case("convert {in} {out} --to ply", 0),
+    Case("convert {in} - --to bundler", 0, out="# Bundle file v0.3\n2 2\n", content=SCENE),
+    Case("convert {in} - --to bal", 3, err="bal holds cameras, points and their observations only"),
+    Case("convert {in} - --to g2o", 3, err="knows no distortion, and 1 of 2 cameras", content=SCENE),
     Case("convert {in} -", 3, err="{in}:5:16:", content=BROKEN),
     Case("convert {in} - --lenient", 0, err="skipped", content=BROKEN),
     Case("convert {in} - --to vertigo", 2, err="vertigo"),
@@ -104,6 +132,18 @@ CASES = (
     Case("optimize {in} --g2o-log", 0, err="iteration= 0\t chi2= 0.053333\t time= "),
     Case("optimize {in} --trace -", 0, out='{"event": "iteration", "iteration": 1', err="converged"),
     Case("optimize {in} --trace {out} -q", 0),
+    Case("optimize {in} --ply {out}", 0, out=("reprojection, pixels", "left free"), content=SCENE),
+    Case("optimize {in} --ply nowhere/scene.ply", 3, err="cannot be written", content=SCENE),
+    Case("optimize {in} --json", 0, out='"reprojection": {', content=SCENE),
+    Case("optimize {in} --init chordal", 2, err="images measure none", content=SCENE),
+    Case("info {in}", 0, out=("2 poses, 2 landmarks, 4 edges", "bal, 29 lines"), content=SCENE),
+    Case("info {in}", 3, err="{in}:3:3: expected the index of a point", content=SCENE.replace("0 1", "0 2")),
+    Case("optimize {in} --covariances c.npz", 0, out="converged"),
+    Case("optimize {in} --covariances - -q", 0, out="id,x_x,x_y,x_theta"),
+    Case("optimize {in} --covariances -", 0, out="2,0.666", err="converged"),
+    Case("optimize {in} --covariances c.txt", 2, err="npz, csv or json"),
+    Case("optimize {in} --covariances c.csv", 2, err="SE2 (3 x 3) and XY (2 x 2)", content=SEEN),
+    Case("optimize {in} -o - --covariances -", 2, err="both want standard output"),
     Case("optimize {in} --worst 1", 0, out=("the 1 edge with the largest chi2", "EDGE_SE2")),
     Case("optimize {in}", 0, out="FOO 1", err="1 FOO record", content=UNKNOWN),
     Case("optimize {in} --lenient", 0, out="1 malformed", content=BROKEN),
@@ -117,21 +157,84 @@ CASES = (
         Case(f"optimize {{in}} --init {init}", 0, out="-> 0.053333")
         for init in ("file", "odometry", "spanning-tree", "chordal", "auto")
     ),
-    *(Case(f"optimize {{in}} --ordering {name}", 0, out=f"ordering {name}") for name in ("amd", "natural")),
+    *(
+        Case(f"optimize {{in}} --ordering {name}", 0, out=f"ordering {name}")
+        for name in ("amd", "colamd", "rcm", "natural", "amd-landmarks-first", "amd-last-pose-last")
+    ),
+    Case("optimize {in} --ordering auto", 0, out="ordering amd"),
     *(Case(f"optimize {{in}} --linear-solver {name}", 0, out="-> 0.053333") for name in ("cholmod", "superlu")),
+    *(Case(f"optimize {{in}} --elimination {name}", 0, out="-> 0.053333") for name in ("auto", "none")),
+    Case("optimize {in} --elimination schur", 2, err="points that no edge joins"),
     *(Case(f"optimize {{in}} --method lm --scaling {name}", 0, out="-> 0.053333") for name in ("none", "marquardt")),
     Case("optimize {in} --fix 2 --fix 1", 0, out="2 fixed by the file or by --fix: 1, 2"),
     Case("optimize {in} --fix 0 --fix 1 --fix 2", 0, out=("all variables are held", "0.160000 -> 0.160000")),
     Case("optimize {in} --tolerance 0.5", 0, out="converged"),
     Case("optimize {in} --config {config}", 0, out="fixed by the file or by --fix: 1"),
+    # optimize: robust kernels
+    Case("optimize {in} --kernel cauchy", 0, out=("cauchy of width 3.36821 on loop closures: 1 edge of 3", "cost")),
+    Case("optimize {in} --kernel dcs --kernel-width 5", 0, out=("dcs of width 5 on loop", "0.053333 at the end")),
+    Case("optimize {in} --kernel huber --kernel-on all --kernel-width 9", 0, out=("9 on all edges", "-> 0.053333")),
+    Case("optimize {in} --kernel fair --kernel-on closures --json", 0, out='"kernel_edges": 1'),
+    Case("optimize {in} --kernel cauchy", 0, out="width - on loop closures: 0 edges", content=CHAIN),
+    Case("optimize {in} --kernel hubert", 2, err=("hubert", "'huber'")),
+    Case("optimize {in} --kernel huber --kernel-width 0", 2, err="kernel_width must be positive"),
+    Case("optimize {in} --kernel huber --kernel-width inf", 2, err="kernel_width must be a finite number"),
+    Case("optimize {in} --kernel-on odometry", 2, err="odometry"),
+    # optimize: robust methods
+    *(
+        Case(f"optimize {{in}} --robust {name}", 0, out=("rejected  0 of 1 loop closure", "kept"))
+        for name in ("auto", "gnc", "gnc-gm", "pcm", "pcm+gnc", "switchable")
+    ),
+    Case("optimize {in} --robust none", 0, out="-> 0.053333"),
+    Case(
+        "optimize {in} --robust gnc --noise-scale 1 --robust-probability 0.9",
+        0,
+        out=("rejected  1 of 1", "chi2  weight  line  edge", "EDGE_SE2 0 2"),
+        content=FALSE_CLOSURE,
+    ),
+    Case("optimize {in} --robust gnc --rejected 0", 0, out="rejected  1 of 1", content=FALSE_CLOSURE),
+    Case("optimize {in} --robust gnc --json", 0, out=('"rejection": {', '"noise_scale"'), content=FALSE_CLOSURE),
+    Case("optimize {in} --robust gnc --labels-out -", 0, out="3,EDGE_SE2,0,2,outlier", content=FALSE_CLOSURE),
+    Case("optimize {in} --robust gnc --drop-rejected -", 0, out="EDGE_SE2 1 2", content=FALSE_CLOSURE),
+    Case("optimize {in} --kernel dcs --labels-out -", 0, out="edge,tag,from,to,label"),
+    Case("optimize {in} --labels-out -", 2, err="--labels-out needs --robust or --kernel"),
+    Case("optimize {in} --drop-rejected -", 2, err="--drop-rejected needs --robust or --kernel"),
+    Case("optimize {in} --noise-scale 2", 2, err="--noise-scale needs --robust"),
+    Case("optimize {in} --robust gnc --noise-scale 0", 2, err="noise_scale must be positive"),
+    Case("optimize {in} --robust gnc --robust-probability 1", 2, err="between 0 and 1"),
+    Case("optimize {in} --robust gnc --kernel huber", 2, err="two ways"),
+    Case("optimize {in} --robust gnc --certify", 2, err="--drop-rejected"),
+    Case("optimize {in} --robust ransac", 2, err="ransac"),
+    Case("optimize {in} --config {config}", 2, err="kernel_width must be a number", config="kernel_width: wide"),
     # optimize: not converged
     Case("optimize {in} --max-iterations 0", 4, out="not converged: no iterations allowed"),
     Case("optimize {in} -o {out} --trace {out}", 2, err="name the same file"),
     Case("optimize {in} -o /dev/stdout --json", 2, err="both want standard output"),
     Case("optimize {in} -o folder/", 2, err="needs the name of a file"),
     Case("optimize {in} --tolerance inf", 2, err="must be a finite number"),
-    Case("optimize {in} --method lm --max-iterations 1 -o {out}", 4, out="not converged: iteration limit 1 reached"),
-    Case("optimize {in} --method lm --time-limit 1e-9", 4, out="time limit"),
+    Case(
+        "optimize {in} --method lm --init file --max-iterations 1 -o {out}",
+        4,
+        out="not converged: iteration limit 1 reached",
+    ),
+    Case("optimize {in} --method lm --init file --time-limit 1e-9", 4, out="time limit"),
+    # optimize: certificates
+    Case("optimize {in} --certify", 0, out=("certified: the critical point", "S + eta I", "the same minimum")),
+    Case("optimize {in} --certify --json", 0, out=('"status": "certified"', '"lower_bound"', '"chi2_polished"')),
+    Case("optimize {in} --certify --restart", 0, out="certified"),
+    Case("optimize {in} --certify --no-restart", 0, out="certified"),
+    Case("optimize {in} --certify -q", 0),
+    Case("optimize {in} --certify", 1, out=("inapplicable", "EDGE_SE2_XY 3"), content=SEEN),
+    Case("optimize {in} --certify --kernel huber", 2, err="no certificate for a robust estimate"),
+    Case("optimize {in} --objective isotropic", 0, out=("objective", "isotropic chordal", "cost", "chi2 (g2o)")),
+    Case("optimize {in} --objective isotropic --certify --json", 0, out='"objective": "isotropic"'),
+    Case("optimize {in} --objective g2o", 0, out="chi2"),
+    Case("optimize {in} --objective chordal", 2, err="chordal"),
+    Case("optimize {in} --objective isotropic", 3, err=("not defined", "EDGE_SE2_XY"), content=SEEN),
+    Case("optimize {in} --objective isotropic --covariances {out}", 2, err="--objective isotropic"),
+    Case("optimize {in} --config {config}", 0, out="certified", config="certify: true\nobjective: isotropic"),
+    Case("optimize {in} --config {config}", 2, err="certify must be true or false", config="certify: 3"),
+    Case("optimize {in} --config {config}", 2, err="objective 'x' does not exist", config="objective: x"),
     # optimize: usage
     Case("optimize {in} --method newton", 2, err=("newton", "'gn', 'lm', 'dogleg'")),
     Case("optimize {in} --methd lm", 2, err="--method"),
@@ -290,6 +393,19 @@ CASES = (
     Case("evaluate {config} --dead-reckoning", 2, err="needs a graph with edges", config=PLANAR),
     Case("evaluate {in} --labels {config}", 0, out="TP / FP / FN / TN        1 / 0 / 0 / 0", config="0 1\n"),
     Case("evaluate {in} --labels {config} --gate 0.01", 0, out="FN / TN        0 / 0 / 0 / 1", config="0 2\n"),
+    Case(
+        "evaluate {in} --labels {config} --estimated-labels {config}",
+        0,
+        out="FN / TN        0 / 0 / 0 / 1",
+        config="0 2\n",
+    ),
+    Case("evaluate {in} --estimated-labels {config}", 2, err="needs --labels", config="0 2\n"),
+    Case(
+        "evaluate {in} {in} --labels {config} --estimated-labels {config}",
+        2,
+        err="belong to one estimate",
+        config="0 2\n",
+    ),
     Case("evaluate {in} --labels {config} --gate 1", 2, err="probability between 0 and 1", config="0 2\n"),
     Case("evaluate {in} --labels {config}", 3, err="config.yaml:1:1", config="hello\n"),
     Case("evaluate {in} --truth {in} --covariances {config}", 0, out=("none: ", "mean NEES"), config="2,1,0,0,1,0,1\n"),
@@ -429,7 +545,147 @@ CASES = (
     Case("predict --pose 2,1,0 --landmark 5,5 --reading 5.2", 2, err=("--reading", "expected 2 numbers")),
     Case("predict --pose 2,1,0 --landmark 5,5 --sensor sonar", 2, err="sonar"),
     Case("predict --help", 0, out=("Usage: slamcli predict", "--pose-noise", "Examples")),
+    # covariance
+    Case("covariance {in}", 0, out=("3 SE2", "lowest id held: 0", "whose own are zero"), err="not at an optimum"),
+    Case("covariance -", 0, out="tangent      SE2: x [m], y [m], theta [rad]; frame of the pose"),
+    Case("covariance {in} --of 2,0", 0, out=("0.8165", "held")),
+    Case("covariance {in} --of poses --rows 1", 0, out="the 1 SE2 of largest uncertainty"),
+    Case("covariance {in} --of landmarks", 0, out="1 XY", content=SEEN),
+    Case("covariance {in} --fix 1", 0, out="1 fixed by the file or by --fix: 1"),
+    Case("covariance {in} --joint 1,2", 0, out=("joint covariance:", "2 theta")),
+    Case("covariance {in} --relative 1,2 --relative 2,0", 0, out=("2 seen from 1, SE2 (1, 0, 0)", "0 seen from 2")),
+    Case("covariance {in} --relative 1,7 --probability 0.5", 0, out=("7 seen from 1, XY", "0.5"), content=SEEN),
+    Case("covariance {in} --cross", 0, out="cross-covariances of 2 connected pairs of SE2 and SE2", content=SEEN),
+    Case("covariance {in} --convention gtsam", 0, out="convention   gtsam"),
+    Case("covariance {in} --scale posterior", 0, out="posterior: times chi2 / degrees of freedom = 0.16 / 3"),
+    Case("covariance {in} --json", 0, out=('"command": "covariance"', '"at_optimum": false')),
+    Case("covariance {in} -o -", 0, out="# convention: slamcli\n", err="3 SE2"),
+    Case("covariance {in} --output c.json", 0, out="c.json"),
+    Case("covariance {in} -o c.npz", 0, out="1 XY", content=SEEN),
+    Case("covariance {in} --dialect toro", 0, out="2 SE2", content=TORO),
+    Case("covariance {in} --lenient", 0, out="3 SE2", err="skipped", content=BROKEN),
+    Case("covariance {in} -o c.csv", 2, err=("SE2 (3 x 3) and XY (2 x 2)", "--of"), content=SEEN),
+    Case("covariance {in} -o c.csv --cross", 2, err="no room for --cross"),
+    Case("covariance {in} -o c.txt", 2, err="npz, csv or json"),
+    Case("covariance {in} -o {in}", 2, err="--output {in} is an input"),
+    Case("covariance {in} -o - --json", 2, err="both want standard output"),
+    Case("covariance {in} --of 9", 2, err=("no variable has the id 9", "SE2 0 to 2")),
+    Case("covariance {in} --of some", 2, err="got 'some'"),
+    Case("covariance {in} --of landmarks", 2, err="no landmarks"),
+    Case("covariance {in} --joint 1,x", 2, err="expected ids"),
+    Case("covariance {in} --relative 1", 2, err="expected 2 ids"),
+    Case("covariance {in} --relative 1,1", 2, err="two different variables"),
+    Case("covariance {in} --relative 7,1", 2, err="nothing is relative from XY to SE2", content=SEEN),
+    Case("covariance {in} --convention ros", 2, err="ros"),
+    Case("covariance {in} --probability 1", 2, err="--probability"),
+    Case("covariance {in} --fix 9", 2, err="no variable has the id 9"),
+    Case("covariance {in}", 3, err="{in}:5:16:", content=BROKEN),
+    Case("covariance {in}", 3, err="no record", content=""),
+    Case("covariance {in}", 3, err=("have no estimate", "slamcli optimize"), content=UNPLACED),
+    Case("covariance {in}", 3, err="no edge that slamcli can use", content="VERTEX_SE2 0 0 0 0\n"),
+    Case("covariance {in} -o nowhere/c.npz", 3, err="nowhere/c.npz: cannot be written"),
+    Case("covariance {in}", 5, err=("no covariances", "XY 77"), content=SINGULAR),
+    Case("covariance {in}", 5, err="indefinite", content=INDEFINITE),
+    Case("covariance --help", 0, out=("Usage: slamcli covariance", "--relative", "Exit codes")),
+    # graph
+    Case("graph {in}", 0, out=("3 poses, 3 factors: 2 odometry, 1 loop closure", "nothing (--dot FILE or --svg")),
+    Case("graph {in} --dot -", 0, out=("graph factor_graph {", 'label="x0"'), err="3 factors"),
+    Case("graph - --svg - --title hello", 0, out=("<svg", "</svg>"), err="at the estimates"),
+    Case("graph {in} --svg picture.png --layout spring", 0, out=("by springs", "picture.png")),
+    Case("graph {in} --variant online --dot -", 0, out='label="x2"', err="1 pose, 1 factor: 1 marginal", content=LINE),
+    Case("graph {in} --eliminate natural --svg steps.svg", 0, out=("1  x0", "fill-in: 0 pairs in all")),
+    Case("graph {in} --eliminate least-degree --json", 0, out=('"command": "graph"', '"separator"')),
+    Case("graph {in} --eliminate 1", 0, out="x0 x2"),
+    Case("graph {in} --ids 7 --hops 1", 0, out=("3 poses, 1 landmark", "odometry"), content=SEEN),
+    Case("graph {in} --ids 0", 0, out=("1 pose, 0 factors: none", "2 factors to variables outside the choice")),
+    Case("graph {in} --lenient", 0, err="skipped", content=BROKEN),
+    Case("graph {in} --dialect toro", 0, out="2 poses", content=AMBIGUOUS),
+    Case("graph {in} --layout estimate", 2, err="not every variable has an estimate", content=UNPLACED),
+    Case("graph {in} --layout auto", 0, out="by springs", content=UNPLACED),
+    Case("graph {in} --hops 1", 2, err="--hops needs --ids"),
+    Case("graph {in} --ids 9", 2, err="no variable has the id 9"),
+    Case("graph {in} --eliminate 0,0", 2, err="an id occurs twice"),
+    Case("graph {in} --eliminate 9", 2, err="no variable that is drawn has the id 9"),
+    Case("graph {in} --eliminate amd", 2, err="expected natural, least-degree, or ids"),
+    Case("graph {in} --eliminate natural --variant online", 2, err="--eliminate is for --variant full"),
+    Case("graph {in} --svg graph.jpg", 2, err="ends in .svg, .png or .pdf"),
+    Case("graph {in} --dot - --json", 2, err="both want standard output"),
+    Case("graph {in} --dot {in}", 2, err="is an input and would be overwritten"),
+    Case("graph {in}", 2, err=("151 variables are more than a picture can show", "--ids"), content=LONG),
+    Case("graph {in} --eliminate natural", 2, err="more than a strip of steps can show (24)", content=LONG),
+    Case("graph {in}", 3, err="{in}:5:16:", content=BROKEN),
+    Case("graph {in} --svg nowhere/x.svg", 3, err="cannot be written"),
+    Case("graph --help", 0, out=("Usage: slamcli graph", "--eliminate", "Exit codes")),
+    # marginalize
+    Case(
+        "marginalize {in} -o {out} --remove 1",
+        0,
+        out=("3 poses, 3 edges -> 2 poses, 2 edges", "1 kept as they are, 1 recovered", "exact", "{out}"),
+        err="no optimum",
+    ),
+    Case("marginalize {in} -o - --remove 1", 0, out="EDGE_SE2 0 2 2 0 0 0.5", err="KLD"),
+    Case("marginalize {in} --keep every:2 -q", 0, err="no optimum"),
+    Case("marginalize {in} --keep every:2 --json", 0, out=('"command": "marginalize"', '"fill_in": 0')),
+    Case(
+        "marginalize {in} --keep poses-only --sparsify chow-liu", 0, out="of the kept 2 before, 3 in the", content=SEEN
+    ),
+    Case("marginalize - --keep landmarks-only --sparsify subgraph", 0, out="0: removed, but not", content=SEEN),
+    Case("marginalize {in} --remove 1 --lenient", 0, err="skipped", content=BROKEN),
+    Case("marginalize {in} --remove 1 --dialect toro", 0, out="1 pose, 0 edges", content=AMBIGUOUS + VERTICES),
+    Case("marginalize {in} --keep 0,2", 0, err="1 fixed variable would go", content=LINE + "FIX 1\n" + EXTRA),
+    Case("marginalize {in} --remove 0 --largest-blanket 2", 2, err="--largest-blanket 3 does it", content=STAR),
+    Case("marginalize {in}", 2, err="--keep RULE or --remove RULE"),
+    Case("marginalize {in} --keep every:1", 2, err="2 or more"),
+    Case("marginalize {in} --keep all", 2, err="'all' is no id"),
+    Case("marginalize {in} --remove 7", 2, err="no variable has the id 7"),
+    Case("marginalize {in} -o - --json --keep every:2", 2, err="both want standard output"),
+    Case("marginalize {in} --remove 1", 3, err="no estimate", content=UNPLACED),
+    Case("marginalize {in} --remove 1", 3, err="{in}:5:16:", content=BROKEN),
+    Case("marginalize {in} --remove 1 -o {out}", 5, err="indefinite", content=INDEFINITE),
+    Case("marginalize {in} -o nowhere/x.g2o --remove 1", 3, err="cannot be written"),
+    Case("marginalize --help", 0, out=("Usage: slamcli marginalize", "--sparsify", "Exit codes")),
+    # sparsity
+    Case(
+        "sparsity {in}",
+        0,
+        out=("6 x 6, 21 nonzeros in the triangle", "nnz(L)", "natural", "amd *", "what --ordering auto"),
+    ),
+    Case("sparsity - --orderings amd,natural", 0, out="natural"),
+    Case("sparsity {in} --orderings auto", 0, out="auto (amd)"),
+    Case("sparsity {in} --orderings natural,rcm,colamd --json", 0, out=('"command": "sparsity"', '"name": "colamd"')),
+    Case("sparsity {in} --time-limit 0 --json", 0, out=('"calibration": null', '"measured_time": null')),
+    Case("sparsity {in} --fix 2 --time-limit 0", 0, out=("1 fixed by the file or by --fix: 2", "6 x 6")),
+    Case("sparsity {in} --orderings amd-landmarks-first", 0, out=("reduced", "6 x 6", "1 landmark"), content=SEEN),
+    Case("sparsity {in} --orderings amd --add-closure 2,3", 0, out=("blocks of", "appear"), content=ROW),
+    Case("sparsity {in} --orderings amd --marginalize 2", 0, out=("blocks of", "appear"), content=ROW),
+    Case("sparsity {in} --spy {out} --tree tree.svg --title Row --dpi 40", 2, err="--spy {out}"),
+    Case(
+        "sparsity {in} --spy spy.png --tree tree.svg --title Row --dpi 40", 0, out=("spy.png", "tree.svg"), content=ROW
+    ),
+    Case("sparsity {in} --spy a.png --tree a.png", 2, err="name the same file"),
+    Case("sparsity {in} --spy - --json", 2, err="both want standard output"),
+    Case("sparsity {in} --tree tree.txt", 2, err=("--tree tree.txt ends in .txt", ".svg")),
+    Case("sparsity {in} --spy nowhere/spy.png --orderings amd", 3, err="nowhere/spy.png: cannot be written"),
+    Case("sparsity {in} --orderings mmd", 2, err=("'mmd' does not exist", "colamd")),
+    Case("sparsity {in} --orderings ,", 2, err="names no ordering"),
+    Case("sparsity {in} --add-closure 1", 2, err="expected two ids"),
+    Case("sparsity {in} --add-closure 1,1", 2, err="joins two variables"),
+    Case("sparsity {in} --add-closure 1,77", 2, err="no variable has the id 77"),
+    Case("sparsity {in} --marginalize 0", 2, err="variable 0 is held"),
+    Case("sparsity {in} --time-limit -1", 2, err="--time-limit"),
+    Case("sparsity {in} --fix 0 --fix 1 --fix 2", 3, err="all variables are held"),
+    Case("sparsity {in}", 3, err="no edge that slamcli can use", content="VERTEX_SE2 0 0 0 0\n"),
+    Case("sparsity {in}", 3, err="{in}:5:16:", content=BROKEN),
+    Case("sparsity {in} --lenient --dialect g2o --orderings amd", 0, err="skipped: {in}:5:16", content=BROKEN),
+    Case("sparsity nowhere.g2o", 3, err="nowhere.g2o: cannot be read"),
+    Case("sparsity --help", 0, out=("Usage: slamcli sparsity", "--add-closure", "Exit codes")),
     # simulate
+    Case("simulate camera-ring -o scene.bal --truth truth.bal --poses 5", 0, out=("5 cameras", "reprojection, pixels")),
+    Case("simulate camera-flight --json --seed 3", 0, out=('"dropped"', '"reprojection": {')),
+    Case("simulate camera-ring -o -", 0, out="20 500 ", err="written"),
+    Case("simulate camera-ring --log log.csv", 2, err="--log has no meaning for a scene of cameras"),
+    Case("simulate camera-ring --set cameras=1", 2, err="no point is seen by two cameras"),
+    Case("simulate camera-ring -o scene.g2o", 3, err="knows no distortion"),
     Case("simulate square --poses 9 -o {out}", 0, out=("world", "9 poses, 8 m", "drift", "{out}")),
     Case("simulate square --poses 9 -o -", 0, out="VERTEX_SE2 8", err="9 poses"),
     Case("simulate square --poses 9 -q -o -", 0, out="EDGE_SE2 7 8"),

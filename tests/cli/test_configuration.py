@@ -23,6 +23,10 @@ fix: [3, 4]
 ordering: natural
 linear_solver: superlu
 scaling: marquardt
+elimination: none
+kernel: cauchy
+kernel-width: 250
+kernel-on: all
 """
 
 
@@ -70,6 +74,13 @@ def test_file_beats_defaults(capsys: pytest.CaptureFixture[str], file: str) -> N
         "ordering": "natural",
         "linear_solver": "superlu",
         "scaling": "marquardt",
+        "elimination": "none",
+        "kernel": "cauchy",
+        "kernel_width": 250,
+        "kernel_on": "all",
+        "robust": "none",
+        "robust_probability": 0.9999,
+        "noise_scale": None,
     }
     assert found == wanted
 

@@ -49,7 +49,7 @@ def test_written_graph_has_the_reported_chi2(tmp_path: Path, capsys: pytest.Capt
 
 @pytest.mark.parametrize("method", ["gn", "lm", "dogleg"])
 def test_lines_of_g2o(method: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["optimize", GRAPH, "--g2o-log", "-q", "--method", method]) == 0
+    assert main(["optimize", GRAPH, "--g2o-log", "-q", "--method", method, "--init", "file"]) == 0
     out, err = capsys.readouterr()
     lines = err.splitlines()
     assert out == "" and len(lines) >= 3
@@ -64,6 +64,8 @@ def test_trace_is_json_lines(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert main(["optimize", GRAPH, "--trace", str(target), "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
     first, *records, last = [json.loads(line) for line in target.read_text().splitlines()]
+    tried, records = records[:2], records[2:]
+    assert [(event["event"], event["name"]) for event in tried] == [("tried", "file"), ("tried", "chordal")]
     assert first["event"] == "start" and first["chi2"] == document["initial_chi2"]
     assert [{k: v for k, v in record.items() if k != "event"} for record in records] == document["trace"]
     assert last["event"] == "end" and last["final_chi2"] == document["final_chi2"]
@@ -163,11 +165,24 @@ def test_pipe_that_is_closed_from_the_start(words: list[str]) -> None:
 def test_interruption_of_a_process(tmp_path: Path) -> None:
     """After the first iteration line a Ctrl-C: the iteration is finished, the result is written."""
     source, target = manhattan(tmp_path / "big.g2o", 6000), tmp_path / "out.g2o"
-    words = ["optimize", str(source), "-o", str(target), "-v", "--json", "--method", "lm", "--tolerance", "0"]
+    words = [
+        "optimize",
+        str(source),
+        "-o",
+        str(target),
+        "-v",
+        "--json",
+        "--method",
+        "lm",
+        "--tolerance",
+        "0",
+        "--init",
+        "file",
+    ]
     with start(*words, "--max-iterations", "100000") as process:
         assert process.stdout is not None and process.stderr is not None
-        lines = [process.stderr.readline() for _ in range(3)]  # the titles, the start, the first iteration
-        assert lines[2].split()[0] == b"1"
+        lines = [process.stderr.readline() for _ in range(4)]  # the start's name, the titles, the start, an iteration
+        assert lines[3].split()[0] == b"1"
         process.send_signal(signal.SIGINT)
         out, err = process.communicate(timeout=120)
     assert process.returncode == 130

@@ -99,6 +99,10 @@ def test_every_tag_is_listed(name):
         "inject datasets/manhattan_small.g2o -o x.g2o --false-closures 5 --corrupt-odometry 2 --perturb 0.1 --json",
         "evaluate datasets/landmarks_small.g2o --truth datasets/truth/landmarks_small.g2o --dead-reckoning --json",
         "predict --pose 2,1,30deg --landmark 5,5 --reading 5.2,21deg --noise 0.1,2deg --json",
+        "covariance datasets/landmarks_small.g2o --of 5,102 --cross --joint 5,102 --relative 5,102 --json",
+        "graph datasets/landmarks_small.g2o --ids 5 --hops 1 --eliminate natural --json",
+        "marginalize datasets/landmarks_small.g2o --keep every:10 --sparsify chow-liu --json",
+        "sparsity datasets/landmarks_small.g2o --orderings auto,natural --add-closure 3,90 --json",
     ],
 )
 def test_every_json_key_is_explained(words, checkout):

@@ -159,9 +159,11 @@ def test_what_toro_cannot_express_is_said(tmp_path: Path) -> None:
     written = {"EDGE_SE2", "EDGE_SE3:QUAT"}
     for factors in graph.factors:
         assert (f"1 {factors.tag} edges" in losses) == (factors.tag not in written)
-    for loss in ("2 XY vertices", "2 XYZ vertices", "1 parameters", "2 fixed vertices", "1 ROBOTLASER1 records"):
+    others = ("2 XY vertices", "4 XYZ vertices", "1 SWITCH vertices", "2 parameters", "2 fixed vertices")
+    others += ("1 SBA_CAMERA vertices", "1 SE3_EXPMAP vertices")
+    for loss in (*others, "1 ROBOTLASER1 records"):
         assert loss in losses
-    assert len(rendered.losses) == len(graph.factors) - len(written) + 5
+    assert len(rendered.losses) == len(graph.factors) - len(written) + len(others) + 1
     assert render(graph, "g2o").losses == []
 
 

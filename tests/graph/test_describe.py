@@ -93,7 +93,8 @@ def test_sums_of_the_parts(name: str) -> None:
 def test_a_mixture_of_planar_and_spatial_kinds_has_a_box_in_space(tmp_path: Path) -> None:
     description = describe(slamcli.read(str(write_file(tmp_path, vectors))))
     assert description.bounding_box == [(0.1, 2.5), (0.2, 2.0), (0.2, 5.0)]
-    assert [summary.kind for summary in description.variables] == ["SE2", "XY", "SE3", "XYZ"]
+    kinds = ["SE2", "XY", "SE3", "XYZ", "SBA_CAMERA", "SE3_EXPMAP", "SWITCH"]
+    assert [summary.kind for summary in description.variables] == kinds
 
 
 def test_worst_edges_come_worst_first_with_their_lines(tmp_path: Path) -> None:
@@ -107,7 +108,7 @@ def test_worst_edges_come_worst_first_with_their_lines(tmp_path: Path) -> None:
         tag, *numbers = lines[edge.line - 1].split()
         assert tag == edge.tag
         assert [str(i) for i in edge.ids] == numbers[: len(edge.ids)]
-    assert worst[0].tag == "EDGE_SE3_TRACKXYZ"
+    assert [edge.tag for edge in worst[:4:3]] == ["EDGE_PROJECT_P2SC", "EDGE_SE3_TRACKXYZ"]
     # EDGE_POINTXYZ_PRIOR 30 1.1 1.9 5.2 for the point 1 2 5
     prior = next(edge for edge in worst if edge.tag == "EDGE_POINTXYZ_PRIOR")
     assert prior.residual == pytest.approx((-0.1, 0.1, -0.2))

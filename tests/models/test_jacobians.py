@@ -14,12 +14,16 @@ NEAR = 1e-3  # radians from where the residual jumps: more than a step, so that 
 ANGLES = {"theta", "bearing"}
 OF_POSES = [models.RELATIVE_POSE_2D, models.RELATIVE_POSE_3D, models.POSE_PRIOR_2D, models.POSE_PRIOR_3D]
 
-all_kinds = pytest.mark.parametrize("kind", FACTOR_KINDS, ids=lambda kind: kind.name)
+ALL_KINDS = [*FACTOR_KINDS, models.RELATIVE_POSE_2D_CHORDAL]
+
+all_kinds = pytest.mark.parametrize("kind", ALL_KINDS, ids=lambda kind: kind.name)
 
 
 def random_values(kind: VariableKind, count: int, rng: np.random.Generator) -> Array:
     """Values with positions of some metres and any orientation; quaternions of either sign."""
     values = rng.normal(scale=3.0, size=(count, kind.size))
+    if kind is models.SWITCH:
+        return rng.uniform(0.1, 0.9, (count, 1))  # steps end at 0 and 1
     if kind is models.SE2:
         values[:, 2] = rng.uniform(-np.pi, np.pi, count)
     return kind.normalize(values)
@@ -131,7 +135,7 @@ def test_a_quaternion_and_its_negative_are_the_same_pose(kind: FactorKind) -> No
 def test_reused_and_strided_buffers(kind: FactorKind) -> None:
     """``linearize_into`` leaves nothing of an earlier state behind, and accepts any strides."""
     residual, jacobians = kind.linearize(*random_factors(kind, seed=1))
-    wide = np.zeros((len(residual), kind.dimension, 24))
+    wide = np.zeros((len(residual), kind.dimension, 36))
     strided = tuple(wide[:, :, 12 * slot :: 2][:, :, : k.dimension] for slot, k in enumerate(kind.variables))
     second = random_factors(kind, seed=2)
     kind.linearize_into(residual, jacobians, *second)
@@ -147,8 +151,8 @@ def test_reused_and_strided_buffers(kind: FactorKind) -> None:
 def test_the_residual_vanishes_where_place_puts_the_last_variable(kind: FactorKind) -> None:
     x, measurement, parameter = random_factors(kind)
     placed = kind.place(x[0], measurement, parameter)
-    if placed is None:  # one bearing or one position does not determine a variable
-        assert kind.dimension < kind.variables[-1].dimension
+    if placed is None:  # one bearing or one position does not determine a variable, nor a relative pose its switch
+        assert kind.dimension < kind.variables[-1].dimension or models.SWITCH in kind.variables
         return
     assert placed.shape == x[-1].shape
     assert_allclose(kind.residual((*x[:-1], placed), measurement, parameter), 0.0, rtol=0, atol=1e-13)

@@ -430,9 +430,10 @@ def test_iterations_of_a_trace_and_of_a_document_are_the_same(tmp_path):
     words = ["optimize", str(BUNDLED / "manhattan_small.g2o"), "-q"]
     assert main([*words, "--trace", str(trace)]) == 0
     events = [json.loads(line) for line in trace.read_text().splitlines()]
+    records = [event for event in events if event["event"] == "iteration"]
     document.write_text(
         json.dumps(
-            {"command": "optimize", "initial_chi2": events[0]["chi2"], "trace": events[1:-1], "status": "converged"},
+            {"command": "optimize", "initial_chi2": events[0]["chi2"], "trace": records, "status": "converged"},
             indent=2,
         )
     )

@@ -8,14 +8,16 @@ from support import BUNDLED, write_file
 import slamcli
 from slamcli.graph import analyze
 from slamcli.graph.describe import WorstEdge, describe, worst_edges
-from slamcli.reporting import summaries, text
+from slamcli.reporting import optimization, summaries, text
+from slamcli.solver.certificate import CertifiedRun
 from slamcli.solver.result import Result
 
 TIME = {"load": 0.0125, "setup": 0.1, "iterate": 0.2, "write": 1.5, "total": 2.0}
 
 
 def summary(graph: slamcli.FactorGraph, result: Result, colour: bool = False) -> str:
-    return "\n".join(summaries.optimize_summary(graph, analyze(graph), result, [], TIME, 42.4, "out.g2o", colour))
+    run = CertifiedRun("g2o", result, result.graph)
+    return "\n".join(optimization.optimize_summary(graph, analyze(graph), run, [], TIME, 42.4, "out.g2o", colour))
 
 
 def test_summary_of_an_optimization() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from support import BUNDLED
@@ -19,6 +20,7 @@ from slamcli.solver.gauge import Held
 from slamcli.solver.options import OptimizeOptions
 from slamcli.solver.pattern import BlockPattern
 from slamcli.solver.problem import Problem
+from slamcli.solver.result import Result
 from slamcli.solver.stopwatch import Stopwatch
 
 BUNDLED_NAMES = ("manhattan_small.g2o", "sphere_small.g2o", "landmarks_small.g2o", "square_toro.graph")
@@ -27,6 +29,11 @@ BUNDLED_NAMES = ("manhattan_small.g2o", "sphere_small.g2o", "landmarks_small.g2o
 def bundled(name: str) -> FactorGraph:
     """A bundled data set."""
     return slamcli.read(str(BUNDLED / name))
+
+
+def from_file(graph: FactorGraph, **options: Any) -> Result:
+    """Plain Gauss-Newton from the file's values, unless the options say otherwise."""
+    return slamcli.optimize(graph, **{"method": "gn", "init": "file", **options})
 
 
 def variables(kind: VariableKind, ids: Iterable[int], values: Array) -> Variables:
@@ -74,7 +81,9 @@ def information(rng: np.random.Generator, count: int, dimension: int) -> Array:
 
 
 def random_values(rng: np.random.Generator, kind: VariableKind, count: int) -> Array:
-    """Random elements of a kind of variable, spread over some metres."""
+    """Random elements of a kind of variable, spread over some metres; switches away from 0 and 1, where steps end."""
+    if kind is models.SWITCH:
+        return rng.uniform(0.1, 0.7, (count, 1))
     return kind.normalize(2.0 * rng.standard_normal((count, kind.size)))
 
 

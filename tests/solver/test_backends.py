@@ -7,6 +7,7 @@ import pytest
 from cvxopt import cholmod
 from graphs import BUNDLED_NAMES, bundled, dense, make_problem
 from numpy.testing import assert_allclose
+from orderings import skip_without_library
 
 from slamcli.errors import UsageError
 from slamcli.solver import backends, ordering, symbolic
@@ -21,6 +22,7 @@ all_orderings = pytest.mark.parametrize("order", ORDERINGS)
 def factorization(backend: str, order: str, pattern: BlockPattern) -> Factorization:
     if backend == "pardiso":
         pytest.importorskip("pypardiso")
+    skip_without_library(order)
     return backends.make(backend, pattern, ordering.expand(pattern, ordering.order(order, pattern)))
 
 
@@ -89,7 +91,7 @@ def test_cholmod_eliminates_in_the_given_order() -> None:
     graph = bundled("manhattan_small.g2o")
     problem = make_problem(graph)
     found = {}
-    for order in ORDERINGS:
+    for order in ("amd", "natural", "rcm"):
         blocks = ordering.order(order, problem.pattern)
         factor = backends.make("cholmod", problem.pattern, ordering.expand(problem.pattern, blocks))
         factor.factorize(problem.linearize(graph.values).hessian)

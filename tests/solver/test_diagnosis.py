@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from graphs import from_file
 from support import write_file
 
 import slamcli
@@ -69,7 +70,7 @@ def test_indefinite_information_is_named_with_its_line(tmp_path: Path) -> None:
 def test_semidefinite_information_is_allowed(tmp_path: Path) -> None:
     """A weight of zero says nothing about a dimension, which others may determine."""
     text = TWO_POSES + "EDGE_SE2 0 1 1.2 0 0 1 0 0 0 0 0\n"
-    result = slamcli.optimize(slamcli.read(str(write_file(tmp_path, text))))
+    result = from_file(slamcli.read(str(write_file(tmp_path, text))))
     assert result.status is Status.CONVERGED
     assert result.graph.values["SE2"][1, 0] == pytest.approx(1.1)
 
@@ -86,7 +87,7 @@ def test_bearing_to_a_landmark_at_the_pose_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize("method", ["gn", "lm", "dogleg"])
 def test_overflow_is_a_divergence(method: str, tmp_path: Path) -> None:
     """The residual is finite, its square is not."""
-    result = failed(tmp_path, TWO_POSES.replace("VERTEX_SE2 1 1", "VERTEX_SE2 1 1e200"), method=method)
+    result = failed(tmp_path, TWO_POSES.replace("VERTEX_SE2 1 1", "VERTEX_SE2 1 1e200"), method=method, init="file")
     assert result.reason == "chi2 or its derivatives are not finite"
     assert any("diverged" in line for line in result.diagnosis)
 
@@ -102,7 +103,7 @@ def test_edges_of_graphs_without_a_file_are_named_by_their_kind() -> None:
     from graphs import differences, points
 
     graph = points([(0.0, 0.0), (1.0, 0.0)], differences([(0, 1, 1.0, 0.0)], weight=-1.0))
-    result = slamcli.optimize(graph)
+    result = from_file(graph)
     assert result.status is Status.FAILED
     assert result.diagnosis[1] == "  point_difference_2d 0 1: eigenvalues from -1 to -1"
 
@@ -120,6 +121,6 @@ class Runaway:
 def test_a_diverging_run_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(policies, "make", lambda options: Runaway())
     text = "VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 1 0 0\nEDGE_SE2 0 1 1.1 0 0 1 0 0 1 0 1\n"
-    result = slamcli.optimize(slamcli.read(str(write_file(tmp_path, text))))
+    result = from_file(slamcli.read(str(write_file(tmp_path, text))))
     assert result.status is Status.FAILED
     assert "the run was diverging" in result.diagnosis[0]

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from golden import BELOW_LISTED, BUNDLED, G2O_GAUSS_NEWTON, G2O_LEVENBERG, GOLDEN, Golden
+from golden import BELOW_LISTED, BUNDLED, DEFAULTS, G2O_GAUSS_NEWTON, G2O_LEVENBERG, GOLDEN, Golden
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from support import BUNDLED as BUNDLED_FOLDER
@@ -43,8 +43,16 @@ def test_reaches_the_best_known_optimum(row: Golden) -> None:
     assert result.graph.chi2() == pytest.approx(result.final_chi2, rel=1e-12)
 
 
+@pytest.mark.datasets
+@pytest.mark.parametrize(("path", "best"), DEFAULTS.items())
+def test_defaults_reach_the_best_known_optimum(path: str, best: float) -> None:
+    result = slamcli.optimize(slamcli.read(str(dataset(path))))
+    assert result.status is Status.CONVERGED
+    assert result.final_chi2 == pytest.approx(best, rel=1e-6)
+
+
 @pytest.mark.parametrize("row", cases(BUNDLED))
-@pytest.mark.parametrize("method", ["gn", "lm", "dogleg"])
+@pytest.mark.parametrize("method", ["auto", "gn", "lm", "dogleg"])
 @pytest.mark.parametrize("init", ["file", "odometry", "spanning-tree", "chordal", "auto"])
 def test_bundled(row: Golden, method: str, init: str) -> None:
     wanted = Golden(row.path, row.start, row.best, row.source, method, init)
@@ -94,7 +102,7 @@ def test_slow_tails_are_followed_below_the_listed_value(row: Golden) -> None:
 @pytest.mark.datasets
 def test_local_minimum_of_mit() -> None:
     """From the file's values g2o's Gauss-Newton ends there too."""
-    result = slamcli.optimize(slamcli.read(str(dataset("pose2d/MIT_carlone.g2o"))))
+    result = slamcli.optimize(slamcli.read(str(dataset("pose2d/MIT_carlone.g2o"))), method="gn", init="file")
     assert result.status is Status.CONVERGED
     assert result.final_chi2 == pytest.approx(770.663502, rel=1e-8)
 
@@ -102,7 +110,7 @@ def test_local_minimum_of_mit() -> None:
 @pytest.mark.datasets
 def test_marquardt_on_mit() -> None:
     """The damped path from the file's values ends in another local minimum."""
-    result = slamcli.optimize(slamcli.read(str(dataset("pose2d/MIT_carlone.g2o"))), method="lm")
+    result = slamcli.optimize(slamcli.read(str(dataset("pose2d/MIT_carlone.g2o"))), method="lm", init="file")
     assert result.final_chi2 == pytest.approx(526.331, rel=1e-6)
 
 
@@ -120,7 +128,7 @@ def test_cubicle_is_refused() -> None:
 @pytest.mark.datasets
 @pytest.mark.parametrize(("method", "lines"), [("gn", G2O_GAUSS_NEWTON), ("lm", G2O_LEVENBERG)])
 def test_first_iterations_are_those_of_g2o(method: str, lines: tuple[tuple[float, float | None], ...]) -> None:
-    result = slamcli.optimize(slamcli.read(str(dataset("pose2d/intel_sesync.g2o"))), method=method)
+    result = slamcli.optimize(slamcli.read(str(dataset("pose2d/intel_sesync.g2o"))), method=method, init="file")
     for record, (chi2, damping) in zip(result.trace[:3], lines, strict=True):
         assert record.chi2 == pytest.approx(chi2, abs=5.1e-7)  # g2o prints six decimals
         assert record.damping == (None if damping is None else pytest.approx(damping, abs=5.1e-7))

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from graphs import BUNDLED_NAMES, bundled, differences, make_problem, point_priors, points
+from graphs import BUNDLED_NAMES, bundled, differences, from_file, make_problem, point_priors, points
 from support import write_file
 
 import slamcli
@@ -42,7 +42,7 @@ def in_units(graph: FactorGraph, scale: float) -> FactorGraph:
 @pytest.mark.parametrize("method", ["lm", "dogleg"])
 def test_chi2_never_rises(name: str, method: str) -> None:
     graph = bundled(name) if "SE3" in bundled(name).variables else spoiled(name, 3.1)
-    result = slamcli.optimize(graph, method=method)
+    result = from_file(graph, method=method)
     before = result.initial_chi2
     for record in result.trace:
         assert record.chi2 <= before
@@ -55,14 +55,14 @@ def test_chi2_never_rises(name: str, method: str) -> None:
 
 def test_gauss_newton_takes_every_step() -> None:
     """It may go up on its way, which sets it apart from the others."""
-    result = slamcli.optimize(spoiled("landmarks_small.g2o", 3.1))
+    result = from_file(spoiled("landmarks_small.g2o", 3.1))
     assert all(record.accepted and record.trials == 1 and record.damping is None for record in result.trace)
     assert any(record.chi2_change > 0.0 for record in result.trace)
 
 
 def test_dogleg_steps_stay_within_the_radius() -> None:
     """The radius recorded with an iteration is the one for the next; rejected trials only shrink it."""
-    result = slamcli.optimize(spoiled("landmarks_small.g2o", 3.1), method="dogleg")
+    result = from_file(spoiled("landmarks_small.g2o", 3.1), method="dogleg")
     radius = 1e4
     for record in result.trace:
         assert record.step_norm <= radius * (1.0 + 1e-9)
@@ -78,7 +78,7 @@ def test_dogleg_steps_stay_within_the_radius() -> None:
 def test_dogleg_cuts_steps_exactly_at_the_radius() -> None:
     """On a linear problem the model is exact: nothing is rejected, and every cut step is as long as the radius."""
     graph = points([(0.0, 0.0), (3e5, 4e5)], point_priors([(0, 0.0, 0.0), (1, 0.0, 0.0)]), differences([]))
-    result = slamcli.optimize(replace(graph, factors=graph.factors[:1]), method="dogleg")
+    result = from_file(replace(graph, factors=graph.factors[:1]), method="dogleg")
     norms = [record.step_norm for record in result.trace if record.step != "gauss-newton"]
     radii = [1e4, *(record.damping for record in result.trace)]
     assert len(norms) >= 3
@@ -90,8 +90,8 @@ def test_dogleg_cuts_steps_exactly_at_the_radius() -> None:
 @each_graph
 def test_dogleg_is_gauss_newton_within_its_radius(name: str) -> None:
     graph = bundled(name)
-    wanted = slamcli.optimize(graph)
-    result = slamcli.optimize(graph, method="dogleg")
+    wanted = from_file(graph)
+    result = from_file(graph, method="dogleg")
     assert {record.step for record in result.trace} == {"gauss-newton"}
     assert [r.chi2 for r in result.trace] == [r.chi2 for r in wanted.trace]
 
@@ -101,7 +101,7 @@ def test_damping_starts_as_in_g2o_and_falls_to_a_third() -> None:
     edges = [(0, 1, 1.0, 0.0), (1, 2, 1.0, 0.0), (0, 2, 1.6, 0.0)]
     graph = points([(0.0, 0.0), (1.0, 0.0), (9.0, 4.0)], point_priors([(0, 0.0, 0.0)]), differences(edges))
     largest = make_problem(graph).diagonal(make_problem(graph).linearize(graph.values)).max()
-    result = slamcli.optimize(graph, method="lm", tolerance=0.0, max_iterations=3)
+    result = from_file(graph, method="lm", tolerance=0.0, max_iterations=3)
     damping = [record.damping for record in result.trace]
     assert damping[:2] == pytest.approx([1e-5 * largest / 3.0, 1e-5 * largest / 9.0], rel=1e-6)
 
@@ -114,7 +114,7 @@ def test_damping_follows_the_gain_ratio(turn: float, seed: int, limit: float | N
     system = problem.linearize(graph.values)
     damping = 1e-5 * problem.diagonal(system).max()
     delta = problem.solve(system, np.full_like(system.gradient, damping))
-    record = slamcli.optimize(graph, method="lm", max_iterations=1).trace[0]
+    record = from_file(graph, method="lm", max_iterations=1).trace[0]
     rho = -record.chi2_change / float(delta @ (damping * delta - system.gradient))
     rule = 1.0 - (2.0 * rho - 1.0) ** 3
     assert record.trials == 1
@@ -131,7 +131,7 @@ def test_damped_step_solves_the_damped_system(scaling: str) -> None:
     diagonal = problem.diagonal(system)
     damping = 1e-5 * (diagonal if scaling == "marquardt" else np.full_like(diagonal, diagonal.max()))
     wanted = np.linalg.norm(problem.solve(system, damping))
-    result = slamcli.optimize(graph, method="lm", scaling=scaling, max_iterations=1)
+    result = from_file(graph, method="lm", scaling=scaling, max_iterations=1)
     assert result.trace[0].trials == 1
     assert result.trace[0].step_norm == pytest.approx(wanted, rel=1e-9)
 
@@ -142,7 +142,7 @@ def test_marquardt_scaling_does_not_depend_on_units(name: str) -> None:
     millimetres = in_units(metres, 1000.0)
     assert millimetres.chi2() == pytest.approx(metres.chi2(), rel=1e-9)
     paths = {
-        scaling: [slamcli.optimize(graph, method="lm", scaling=scaling).trace for graph in (metres, millimetres)]
+        scaling: [from_file(graph, method="lm", scaling=scaling).trace for graph in (metres, millimetres)]
         for scaling in ("marquardt", "none")
     }
     same, other = paths["marquardt"]
@@ -156,8 +156,8 @@ def test_damping_solves_what_gauss_newton_cannot(tmp_path: Path) -> None:
     """A landmark with one bearing is free along the ray; the damping holds it there."""
     text = "VERTEX_SE2 0 0 0 0\nVERTEX_XY 7 5 5\nEDGE_BEARING_SE2_XY 0 7 0.5 10\n"
     graph = slamcli.read(str(write_file(tmp_path, text)))
-    assert slamcli.optimize(graph, method="gn").status is Status.FAILED
-    result = slamcli.optimize(graph, method="lm", tolerance=1e-12)
+    assert from_file(graph, method="gn").status is Status.FAILED
+    result = from_file(graph, method="lm", tolerance=1e-12)
     assert result.status is Status.CONVERGED
     assert result.final_chi2 == pytest.approx(0.0, abs=1e-9)
     x, y = result.graph.values["XY"][0]
@@ -166,7 +166,7 @@ def test_damping_solves_what_gauss_newton_cannot(tmp_path: Path) -> None:
 
 @each_graph
 def test_trace_and_result_tell_the_same(name: str) -> None:
-    result = slamcli.optimize(bundled(name), method="lm")
+    result = from_file(bundled(name), method="lm")
     assert [record.iteration for record in result.trace] == list(range(1, result.iterations + 1))
     assert result.trace[-1].chi2 == result.final_chi2
     assert result.initial_chi2 + sum(r.chi2_change for r in result.trace) == pytest.approx(result.final_chi2, rel=1e-6)

@@ -14,8 +14,8 @@ from slamcli.errors import UsageError
 FORMATS = ("png", "svg", "pdf")
 
 
-def format_of(path: str) -> str:
-    """Format by the ending of a path; ``-`` is PNG.
+def format_of(path: str, option: str = "--output") -> str:
+    """Format by the ending of the path that an option gave; ``-`` is PNG.
 
     Raises
     ------
@@ -27,7 +27,7 @@ def format_of(path: str) -> str:
     ending = os.path.splitext(path)[1].removeprefix(".").lower()
     if ending not in FORMATS:
         found = f"ends in .{ending}" if ending else "has no ending"
-        raise UsageError(f"--output {path} {found}", ("  expected .png, .svg or .pdf: the ending decides the format",))
+        raise UsageError(f"{option} {path} {found}", ("  expected .png, .svg or .pdf: the ending decides the format",))
     return ending
 
 

@@ -184,10 +184,10 @@ def _runs(path: str, documents: list[Any]) -> list[tuple[Any, list[Any], str | N
         name = event.get("event") if isinstance(event, dict) else None
         if name == "start":
             out.append((event.get("chi2"), [], None))
-        elif name in ("iteration", "end") and out:
+        elif name in ("tried", "iteration", "end") and out:
             if name == "iteration":
                 out[-1][1].append(event)
-            else:
+            elif name == "end":
                 out[-1] = (*out[-1][:2], event.get("status"))
         else:
             raise InputError(

@@ -14,7 +14,7 @@ import numpy as np
 
 from slamcli.errors import InputError
 from slamcli.evaluation.alignment import Alignment
-from slamcli.formats.covariances import Covariances, read_covariances
+from slamcli.formats.covariances import Covariances, read_all_covariances
 from slamcli.geometry import so3
 from slamcli.graph import FactorGraph, Variables
 from slamcli.graph.columns import IndexArray
@@ -52,7 +52,7 @@ def read_regions(paths: Sequence[str], graph: FactorGraph) -> Regions:
     Parameters
     ----------
     paths
-        Files of covariances (see ``formats.covariances``), one for each size.
+        Files of covariances (see ``formats.covariances``).
     graph
         The graph of the variables.
 
@@ -64,9 +64,10 @@ def read_regions(paths: Sequence[str], graph: FactorGraph) -> Regions:
     points: dict[bool, list[Array]] = {True: [np.empty((0, 3))], False: [np.empty((0, 3))]}
     covariances: dict[bool, list[Array]] = {True: [np.empty((0, 3, 3))], False: [np.empty((0, 3, 3))]}
     for path in paths:
-        for is_pose, means, matrices in _found(graph, read_covariances(path)):
-            points[is_pose].append(means)
-            covariances[is_pose].append(matrices)
+        for given in read_all_covariances(path):
+            for is_pose, means, matrices in _found(graph, given):
+                points[is_pose].append(means)
+                covariances[is_pose].append(matrices)
     return Regions(*(np.concatenate(part[is_pose]) for is_pose in (True, False) for part in (points, covariances)))
 
 

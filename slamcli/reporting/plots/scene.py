@@ -156,7 +156,7 @@ def spatial(positions: Array) -> Array:
 
 def _landmarks(graph: FactorGraph) -> tuple[Array, int]:
     """Positions of the landmarks that have one, and how many have none."""
-    points = [column for column in graph.variables.values() if not column.kind.is_pose]
+    points = [column for column in graph.variables.values() if column.kind.is_point]
     every = np.concatenate([np.empty((0, 3)), *(spatial(column.values[column.known]) for column in points)])
     finite = finite_rows(every)
     return every[finite], graph.landmarks - int(np.count_nonzero(finite))
@@ -178,7 +178,7 @@ def _edges(graph: FactorGraph, outliers: list[BoolArray] | None) -> tuple[Edges,
         kinds = factors.kind.variables
         if len(kinds) < 2:
             continue
-        ends = [places[kinds[slot].name][factors.indices[:, slot]] for slot in (0, -1)]
+        ends = [places[kinds[slot].name][factors.indices[:, slot]] for slot in (0, 1)]
         segments = np.stack(ends, axis=1)
         drawn = finite_rows(segments)
         role = np.where(
@@ -208,7 +208,7 @@ def _gaps(trajectory: Trajectory, graph: FactorGraph) -> IndexArray:
     joined = np.zeros(len(column), dtype=bool)  # by rank: an edge joins it and the next pose
     for factors in graph.factors:
         if factors.kind.relative_pose and factors.kind.variables[0] is trajectory.kind:
-            ranks = np.sort(column.rank[factors.indices], axis=1)
+            ranks = np.sort(column.rank[factors.indices[:, :2]], axis=1)
             joined[ranks[ranks[:, 1] - ranks[:, 0] == 1, 0]] = True
     ranks_of_path = column.rank[column.rows_of(ids)]
     return np.flatnonzero(leap & ~joined[ranks_of_path[:-1]]) + 1

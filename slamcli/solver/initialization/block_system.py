@@ -117,7 +117,8 @@ class BlockSystem:
 
     def __init__(self, structure: FactorGraph, held: Held) -> None:
         self._structure, self._held = structure, held
-        self.pattern, self._targets = patterns.build(structure, held)
+        self.pattern, targets = patterns.build(structure, held)
+        self._targets = [slots for slots in targets if isinstance(slots, list)]  # all of them
         permutation = ordering.expand(self.pattern, ordering.order("amd", self.pattern))
         self._factorization: Factorization = backends.make("cholmod", self.pattern, permutation)
 
@@ -154,6 +155,21 @@ class BlockSystem:
             steps[name][free] = solution[start:stop].reshape(-1, size, sides)
             start = stop
         return steps
+
+    def responses(self, rows: IndexArray, sides: int) -> Array:
+        """Solutions (n, d, sides) for unit forces on the first components of some nodes, with the factor at hand.
+
+        There is one kind of node. Held nodes do not respond.
+        """
+        ((name, column),) = self._structure.variables.items()
+        free, size = ~self._held[name], column.kind.dimension
+        first = (np.cumsum(free) - 1)[rows[free[rows]]] * size
+        out = np.zeros((len(column), size, sides))
+        for side in range(sides):
+            force = np.zeros(self.pattern.dimension)
+            force[first + side] = 1.0
+            out[free, :, side] = self._factorization.solve(force).reshape(-1, size)
+        return out
 
     def _factorize(self, hessian: Array) -> None:
         largest = float(hessian[self.pattern.diagonal].max(initial=0.0)) or 1.0

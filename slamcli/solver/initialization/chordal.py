@@ -16,8 +16,11 @@ from slamcli.solver.gauge import Held
 from slamcli.solver.initialization import landmark_rotations, positions, rotations
 from slamcli.solver.initialization.rotations import Rotations
 
+#: Of several anchors' rotations, those whose positions are solved for, too.
+_KEPT = 4
 
-def relax(graph: FactorGraph, held: Held, *, equal: bool = False) -> tuple[Values, dict[str, BoolArray], str]:
+
+def relax(graph: FactorGraph, held: Held, *, anchors: int = 1) -> tuple[Values, dict[str, BoolArray], str]:
     """Chordal start of a graph.
 
     Parameters
@@ -26,9 +29,9 @@ def relax(graph: FactorGraph, held: Held, *, equal: bool = False) -> tuple[Value
         Of its values those of the held variables count, and that of one pose of each component which nothing orients.
     held
         The gauge: these keep their values.
-    equal
-        Whether all edges weigh the same in the relaxation of the rotations, whatever their information. Positions are
-        solved with the information in either case.
+    anchors
+        Poses that are held in turn in the relaxation of the rotations; of the starts the one with the least chi2 is
+        taken. One serves nearly always.
 
     Returns
     -------
@@ -45,56 +48,40 @@ def relax(graph: FactorGraph, held: Held, *, equal: bool = False) -> tuple[Value
         If a linear system cannot be solved even when damped.
     """
     graph, repaired = _without_negative_information(graph)
-    weighted = equally_weighted(graph) if equal else graph
     values = dict(graph.values)
     placed = {name: np.zeros(len(column), dtype=bool) for name, column in graph.variables.items()}
     for space in (2, 3):
         columns = [column for column in graph.variables.values() if column.kind.space == space]
         poses = next((column for column in columns if column.kind.is_pose), None)
         points = next((column for column in columns if not column.kind.is_pose), None)
-        turned = None if poses is None else _rotations(weighted, poses, points, held[poses.kind.name])
-        if columns:
-            found, where = positions.solve(graph, space, held, turned)
-            values.update(found)
-            placed.update(where)
-    words = "chordal relaxation, unit weights" if equal else "chordal relaxation"
+        if not columns:
+            continue
+        turned = [None] if poses is None else _rotations(graph, poses, points, held[poses.kind.name], anchors)
+        found, where = _least(graph, values, [positions.solve(graph, space, held, part) for part in turned])
+        values.update(found)
+        placed.update(where)
+    words = "chordal relaxation" + (f", best of {anchors} anchors" if anchors > 1 else "")
     if repaired:
         words += f"; of {repaired} indefinite information matrices the positive part"
     return values, placed, words
 
 
-def equally_weighted(graph: FactorGraph) -> FactorGraph:
-    """The graph with one isotropic weight on the rotation of all relative poses of a kind and of its priors.
-
-    It is the mean of the weights, so that their ratio to those of positions stays; edges without information on
-    rotation keep none. The graph itself where all weights are the same (to 1e-9).
-    """
-    out, changed = list(graph.factors), False
-    for kind in (column.kind for column in graph.variables.values() if column.kind.is_pose):
-        priors = rotations.pose_priors(graph, kind)[0]
-        turning = [
-            k
-            for k, f in enumerate(graph.factors)
-            if (f.kind.relative_pose and f.kind.variables[0] is kind) or any(f is prior for prior in priors)
-        ]
-        weights = [rotations.rotation_weight(graph.factors[k].information, kind.space) for k in turning]
-        informed = np.concatenate([np.empty(0), *(w[w > 0.0] for w in weights)])
-        if len(informed) == 0 or np.ptp(informed) <= 1e-9 * informed.max():
-            continue
-        changed = True
-        for k, weight in zip(turning, weights, strict=True):
-            information = graph.factors[k].information.copy()
-            block = np.where(weight > 0.0, informed.mean(), 0.0)[:, None, None] * np.eye(information.shape[-1])
-            information[:, kind.space :, kind.space :] = block[:, kind.space :, kind.space :]
-            out[k] = replace(graph.factors[k], information=information)
-    return replace(graph, factors=out) if changed else graph
-
-
-def _rotations(graph: FactorGraph, poses: Variables, points: Variables | None, held: BoolArray) -> Rotations:
+def _rotations(
+    graph: FactorGraph, poses: Variables, points: Variables | None, held: BoolArray, anchors: int
+) -> list[Rotations]:
     """Rotations from relative poses alone where they are all there is, else from what is seen of points as well."""
     if points is not None and landmark_rotations.observations(graph, poses.kind):
-        return landmark_rotations.relax(graph, poses, points, held)
-    return rotations.relax(graph, poses, held)
+        return [landmark_rotations.relax(graph, poses, points, held)]
+    if anchors > 1:
+        return rotations.best_of(graph, poses, held, anchors, _KEPT)
+    return [rotations.relax(graph, poses, held)]
+
+
+def _least(
+    graph: FactorGraph, values: Values, found: list[tuple[Values, dict[str, BoolArray]]]
+) -> tuple[Values, dict[str, BoolArray]]:
+    """Of several solutions for the variables of a space the one with the least chi2."""
+    return found[0] if len(found) == 1 else min(found, key=lambda pair: graph.chi2({**values, **pair[0]}))
 
 
 def _without_negative_information(graph: FactorGraph) -> tuple[FactorGraph, int]:

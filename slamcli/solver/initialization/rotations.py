@@ -26,6 +26,8 @@ from slamcli.solver.initialization.block_system import BlockSystem, Nodes, Terms
 
 #: A weight below this share of the largest is raised to it: an edge without information on rotation still connects.
 _LEAST_WEIGHT = 1e-9
+#: Energy of a component, as a share of the sum of its weights, below which its solution counts as exact.
+_LEAST_ENERGY = 1e-15
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,34 +49,136 @@ class Rotations:
     system: BlockSystem | None
 
 
-def relax(graph: FactorGraph, poses: Variables, held: BoolArray) -> Rotations:
-    """Rotations of the poses of one kind by the linear relaxation, projected."""
-    kind = poses.kind
-    space = kind.space
-    relative = [f for f in graph.factors if f.kind.relative_pose and f.kind.variables[0] is kind]
-    edges, measured, weight = _stacked(relative, [f.measurements for f in relative], kind, 2)
-    priors, at_priors = pose_priors(graph, kind)
-    singles, prior_values, prior_weight = _stacked(priors, at_priors, kind, 1)
-    largest = max(float(weight.max(initial=0.0)), float(prior_weight.max(initial=0.0))) or 1.0
-    weight, prior_weight = (np.maximum(w, _LEAST_WEIGHT * largest) for w in (weight, prior_weight))
-    nodes = Nodes.joined(space, poses.rank, held, edges, singles)
-    system = nodes.system()
-    matrices = rotation_matrices(kind, np.where(poses.known[:, None], poses.values, kind.identity))
-    rows = 1 if space == 2 else 3
-    start = np.where(nodes.held[:, None, None], matrices[:, :rows].transpose(0, 2, 1), 0.0)  # rows as columns
-    z = rotation_matrices(kind, measured)
-    residual = start[edges[:, 1]] - z.transpose(0, 2, 1) @ start[edges[:, 0]]
-    scaled, gradient = weight[:, None, None] * z, weight[:, None, None] * residual
-    eye = np.eye(space)
-    hessian = weight[:, None, None] * eye
-    between = Terms(hessian, gradient, hessian, -scaled @ residual, -scaled)
-    wanted = rotation_matrices(kind, prior_values)[:, :rows].transpose(0, 2, 1)
-    prior_gradient = prior_weight[:, None, None] * (start[singles[:, 0]] - wanted)
-    relaxed = start + system.solve([between, Terms(prior_weight[:, None, None] * eye, prior_gradient)])[nodes.name]
-    free = ~nodes.held
-    matrices[free] = projected(relaxed[free].transpose(0, 2, 1))
-    label = component_labels(nodes.points)
-    return Rotations(matrices, np.where(np.isin(label, label[nodes.held & ~held]), label, -1), system)
+def relax(graph: FactorGraph, poses: Variables, held: BoolArray, share: float = 0.5) -> Rotations:
+    """Rotations of the poses of one kind by the linear relaxation, projected; the anchor at a share of the poses."""
+    relaxation = Relaxation(graph, poses, held)
+    return relaxation.rotations(relaxation.anchored(share))
+
+
+def best_of(graph: FactorGraph, poses: Variables, held: BoolArray, anchors: int, keep: int) -> list[Rotations]:
+    """Those of the relaxations with several anchors that fit the relative rotations best, the best first."""
+    relaxation = Relaxation(graph, poses, held)
+    found = [relaxation.anchored((k + 0.5) / anchors) for k in range(anchors)]
+    order = np.argsort([relaxation.cost(matrices) for matrices in found], kind="stable")
+    return [relaxation.rotations(found[k]) for k in order[:keep]]
+
+
+class Relaxation:
+    """The relaxation of the poses of one kind, solved once.
+
+    Where nothing but the gauge orients a component, its solution depends on which pose is held: away from it the
+    matrices shrink, and what is small is projected badly. With the factor at hand, the solution with any other pose
+    held (the anchor) is one solve away: with X the solution for the held pose h and S = sum w r^T r of its residuals r,
+    the inverse of the matrix of all poses has the column
+
+        G_k = [L_ff^-1 E_k; 0] + X S^-1 X_k^T
+
+    by block elimination of h, and the solution anchored at k is G_k G_kk^-1. In the plane the same holds with complex
+    numbers. The middle pose is the anchor by default, which makes the start independent of the gauge, too.
+    """
+
+    def __init__(self, graph: FactorGraph, poses: Variables, held: BoolArray) -> None:
+        kind = poses.kind
+        self._space, self._rank, self._given = kind.space, poses.rank, held
+        relative = [f for f in graph.factors if f.kind.relative_pose and f.kind.variables[0] is kind]
+        self._edges, measured, weight = _stacked(relative, [f.measurements for f in relative], kind, 2)
+        priors, at_priors = pose_priors(graph, kind)
+        singles, prior_values, prior_weight = _stacked(priors, at_priors, kind, 1)
+        largest = max(float(weight.max(initial=0.0)), float(prior_weight.max(initial=0.0))) or 1.0
+        self._weight, prior_weight = (np.maximum(w, _LEAST_WEIGHT * largest) for w in (weight, prior_weight))
+        self._nodes = Nodes.joined(self._space, poses.rank, held, self._edges, singles)
+        self._system = self._nodes.system()
+        self._matrices = rotation_matrices(kind, np.where(poses.known[:, None], poses.values, kind.identity))
+        self._z = rotation_matrices(kind, measured)
+        self._rows = 1 if self._space == 2 else 3
+        wanted = rotation_matrices(kind, prior_values)[:, : self._rows].transpose(0, 2, 1)
+        self._solved = self._solution(singles, wanted, prior_weight)
+        self._label = component_labels(self._nodes.points)
+        held_there = np.bincount(self._label, self._nodes.held)
+        oriented = np.bincount(self._label[singles[:, 0]], minlength=len(held_there))
+        self._free = (held_there == 1) & (oriented == 0)  # components that only the gauge orients
+        self._free_parts = np.flatnonzero(self._free)
+
+    def _solution(self, singles: IndexArray, wanted: Array, prior_weight: Array) -> Array:
+        """The matrices (n, d, rows), their rows as columns, with the held poses given."""
+        weight, eye = self._weight[:, None, None], np.eye(self._space)
+        held, rows = self._nodes.held[:, None, None], self._matrices[:, : self._rows].transpose(0, 2, 1)
+        start = np.where(held, rows, 0.0)
+        residual = self._residual(start)
+        hessian, scaled = weight * eye, weight * self._z
+        between = Terms(hessian, weight * residual, hessian, -scaled @ residual, -scaled)
+        prior_gradient = prior_weight[:, None, None] * (start[singles[:, 0]] - wanted)
+        terms = [between, Terms(prior_weight[:, None, None] * eye, prior_gradient)]
+        return start + self._system.solve(terms)[self._nodes.name]
+
+    def _residual(self, solution: Array) -> Array:
+        return solution[self._edges[:, 1]] - self._z.transpose(0, 2, 1) @ solution[self._edges[:, 0]]
+
+    def anchored(self, share: float) -> Array:
+        """Rotations (n, d, d) with the anchor at this share of the poses of each component, by their ids."""
+        found = self._projected(self._solved)
+        if len(self._free_parts) == 0:
+            return found
+        part = np.full(len(self._free), -1)
+        part[self._free_parts] = np.arange(len(self._free_parts))
+        rows = np.flatnonzero(part[self._label] >= 0)
+        part = part[self._label[rows]]
+        anchor = self._at_share(share)[self._free_parts]
+        solved, response = self._solved, self._system.responses(anchor, self._rows)
+        if self._space == 2:
+            solved, response = _complex(solved), _complex(response)
+        weight = np.linalg.inv(self._energy()[self._free_parts]) @ solved[anchor].conj().transpose(0, 2, 1)
+        column = response[rows] + solved[rows] @ weight[part]
+        place = np.searchsorted(rows, anchor)
+        matrices = column @ np.linalg.inv(column[place])[part]
+        moved = projected((_real(matrices) if self._space == 2 else matrices).transpose(0, 2, 1))
+        root = np.flatnonzero(self._nodes.held & self._free[self._label])
+        root = root[np.argsort(self._label[root])]
+        turn = self._matrices[root] @ moved[np.searchsorted(rows, root)].transpose(0, 2, 1)
+        found[rows] = turn[part] @ moved
+        found[root] = self._matrices[root]
+        return found
+
+    def _at_share(self, share: float) -> IndexArray:
+        """One node of each component."""
+        order = np.lexsort((self._rank, self._label))
+        sizes = np.bincount(self._label)
+        return order[np.cumsum(sizes) - sizes + np.minimum((share * sizes).astype(np.intp), sizes - 1)]
+
+    def _energy(self) -> Array:
+        """S (components, rows, rows); raised a little, since an exact graph has none."""
+        residual = np.sqrt(self._weight)[:, None, None] * self._residual(self._solved)
+        count = int(self._label.max()) + 1
+        energy = np.zeros((count, self._rows, self._rows))
+        np.add.at(energy, self._label[self._edges[:, 1]], residual.transpose(0, 2, 1) @ residual)
+        least = _LEAST_ENERGY * np.bincount(self._label[self._edges[:, 1]], self._weight, minlength=count)
+        return energy + np.maximum(least, np.finfo(np.float64).tiny)[:, None, None] * np.eye(self._rows)
+
+    def _projected(self, solution: Array) -> Array:
+        matrices = self._matrices.copy()
+        free = ~self._nodes.held
+        matrices[free] = projected(solution[free].transpose(0, 2, 1))
+        return matrices
+
+    def cost(self, matrices: Array) -> float:
+        """Sum w || R_j - R_i Z ||^2 of rotations (n, d, d)."""
+        residual = matrices[self._edges[:, 1]] - matrices[self._edges[:, 0]] @ self._z
+        return float((self._weight * np.square(residual).sum(axis=(1, 2))).sum())
+
+    def rotations(self, matrices: Array) -> Rotations:
+        """With what the positions need."""
+        adrift = np.isin(self._label, self._label[self._nodes.held & ~self._given])
+        return Rotations(matrices, np.where(adrift, self._label, -1), self._system)
+
+
+def _complex(columns: Array) -> Array:
+    """Columns (n, 2, 1) of the plane as numbers (n, 1, 1)."""
+    return np.asarray(columns[:, :1] + 1j * columns[:, 1:])
+
+
+def _real(numbers: Array) -> Array:
+    """The inverse of ``_complex``."""
+    return np.concatenate([numbers.real, numbers.imag], axis=1)
 
 
 def _stacked(

@@ -52,6 +52,7 @@ class Dogleg:
             trials=trials,
             accepted=rho > 0.0,
             kind=kind,
+            gain=rho,
         )
 
     def _on_path(self, newton: Array, descent: Array) -> tuple[Array, str]:

@@ -73,4 +73,5 @@ class LevenbergMarquardt:
             trials=trials,
             accepted=rho > 0.0,
             kind="damped",
+            gain=rho if solved else None,
         )

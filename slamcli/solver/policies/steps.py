@@ -29,6 +29,8 @@ class Step:
         Whether the last one was taken.
     kind
         See ``IterationRecord.step``.
+    gain
+        Decrease of chi2 over the decrease that the quadratic model promised, None where that is not known.
     """
 
     system: LinearSystem
@@ -38,6 +40,7 @@ class Step:
     trials: int
     accepted: bool
     kind: str
+    gain: float | None = None
 
 
 class Policy(Protocol):

@@ -13,13 +13,14 @@ from typing import Protocol
 
 import numpy as np
 
+from slamcli.graph.columns import IndexArray
 from slamcli.models.base import Array
 
 
 class Loss(Protocol):
     """Loss of one column of factors."""
 
-    def evaluate(self, squared: Array, rows: slice) -> tuple[Array, Array]:
+    def evaluate(self, squared: Array, rows: slice | IndexArray) -> tuple[Array, Array]:
         """Cost rho(s) and weight rho'(s), each (m,), of the factors ``rows`` of the column with s (m,)."""
 
 
@@ -39,7 +40,7 @@ class Weights:
 
     weight: Array
 
-    def evaluate(self, squared: Array, rows: slice) -> tuple[Array, Array]:
+    def evaluate(self, squared: Array, rows: slice | IndexArray) -> tuple[Array, Array]:
         """See ``Loss``."""
         weight = self.weight[rows]
         return np.where(weight > 0.0, weight * squared, 0.0), weight

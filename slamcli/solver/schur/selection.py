@@ -1,0 +1,147 @@
+"""Which blocks of H a Schur complement eliminates, and whether that pays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from slamcli.errors import UsageError
+from slamcli.graph import FactorGraph
+from slamcli.graph.columns import BoolArray
+from slamcli.solver import backends, ordering
+from slamcli.solver.backends import Factorization
+from slamcli.solver.backends.dense import Dense
+from slamcli.solver.gauge import Held
+from slamcli.solver.ordering import FoundOrder
+from slamcli.solver.pattern import BlockPattern
+from slamcli.solver.schur.complement import SchurFactorization
+from slamcli.solver.schur.structure import Structure
+from slamcli.solver.symbolic import ReducedSystem
+
+#: Largest dimension of a complement that is factorized densely whatever its density: 5 ms.
+_SMALL = 600
+#: Density from which on LAPACK beats a sparse factorization.
+_DENSE = 0.3
+#: With fewer links than this for each block of the complement a general sparse factorization is faster (measured:
+#: the landmark sets have 1.0 to 2.6, the sets of bundle adjustment from 20 on).
+_LINKS = 8.0
+
+
+@dataclass(frozen=True, eq=False)
+class Selection:
+    """What is eliminated, and how the rest is factorized.
+
+    Attributes
+    ----------
+    kind
+        Name of the kind of variable that is eliminated.
+    structure
+        The complement.
+    dense
+        Whether it is factorized as a dense matrix.
+    order
+        Elimination order of the complement.
+    """
+
+    kind: str
+    structure: Structure
+    dense: bool
+    order: FoundOrder
+
+    @property
+    def elimination(self) -> FoundOrder:
+        """The order of all blocks: those that are eliminated, then the rest."""
+        structure = self.structure
+        blocks = np.concatenate([structure.gone, structure.kept[self.order.order]])
+        return FoundOrder(f"Schur complement of {self.kind}, {self.order.name}", blocks)
+
+    @property
+    def reduced_system(self) -> ReducedSystem:
+        """The complement, for reports."""
+        reduced = self.structure.reduced
+        return ReducedSystem(self.kind, reduced.dimension, reduced.nnz, self.dense)
+
+    def factorization(self, linear_solver: str) -> Factorization:
+        """What factorizes matrices of the whole pattern."""
+        reduced = self.structure.reduced
+        if self.dense:
+            return SchurFactorization(self.structure, Dense(reduced))
+        permutation = ordering.expand(reduced, self.order.order)
+        return SchurFactorization(self.structure, backends.make(linear_solver, reduced, permutation))
+
+
+def select(
+    elimination: str, ordering_name: str, graph: FactorGraph, held: Held, pattern: BlockPattern
+) -> Selection | None:
+    """What to eliminate, None for nothing.
+
+    Parameters
+    ----------
+    elimination
+        ``none``, ``schur`` (points, or a usage error), or ``auto`` (where it pays).
+    ordering_name
+        How the complement is ordered.
+    graph, held
+        The variables.
+    pattern
+        Of H.
+
+    Raises
+    ------
+    UsageError
+        If ``schur`` was asked for and no kind of point is an independent set.
+    """
+    if elimination == "none":
+        return None
+    for name, mask in _points(graph, held):
+        if not mask.any() or mask.all() or _joined(pattern, mask):
+            continue
+        if elimination == "auto" and not _pays(pattern, mask):
+            continue
+        structure = Structure.of(pattern, mask)
+        reduced = structure.reduced
+        density = 2.0 * reduced.nnz / max(float(reduced.dimension) ** 2, 1.0)
+        dense = reduced.dimension <= _SMALL or density >= _DENSE
+        order = ordering.find("natural" if dense else ordering_name, reduced)
+        return Selection(name, structure, dense, order)
+    if elimination == "schur":
+        raise UsageError(
+            "elimination 'schur' needs points that no edge joins with each other, besides poses or cameras",
+            ("  --elimination auto uses it where there are such points and it saves time",),
+        )
+    return None
+
+
+def _points(graph: FactorGraph, held: Held) -> list[tuple[str, BoolArray]]:
+    """The kinds of points, most first, each with the mask of its blocks."""
+    counts = {name: int((~held[name]).sum()) for name in graph.variables}
+    start, out = 0, []
+    total = sum(counts.values())
+    for name, column in graph.variables.items():
+        if column.kind.is_point:
+            mask = np.zeros(total, dtype=bool)
+            mask[start : start + counts[name]] = True
+            out.append((name, mask))
+        start += counts[name]
+    return sorted(out, key=lambda pair: -int(pair[1].sum()))
+
+
+def _joined(pattern: BlockPattern, mask: BoolArray) -> bool:
+    """Whether two of the blocks have a block of H in common."""
+    return bool((mask[pattern.rows] & mask[pattern.columns] & (pattern.rows != pattern.columns)).any())
+
+
+def _pays(pattern: BlockPattern, mask: BoolArray) -> bool:
+    """Whether eliminating some blocks is faster than a general sparse factorization.
+
+    It is where many links go to few blocks of the complement. Of these there are at most as many as pairs of cameras,
+    which is the number that counts where it is reached.
+    """
+    row_gone, column_gone = mask[pattern.rows], mask[pattern.columns]
+    crossing = row_gone != column_gone
+    cameras = np.where(row_gone, pattern.columns, pattern.rows)[crossing]
+    seen = len(np.unique(cameras))
+    return int(crossing.sum()) >= _LINKS * 0.5 * seen * (seen + 1) or (
+        int(crossing.sum()) >= 4 * _LINKS * seen and int(mask.sum()) >= 4 * int((~mask).sum())
+    )
