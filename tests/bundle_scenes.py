@@ -31,7 +31,7 @@ def ring(cameras: int = 6, points: int = 40, noise: float = 0.5, seed: int = 0, 
     x = values[rows[:, 0]], cloud[rows[:, 1]]
     assert (models.BAL_PROJECTION.depth(x) > 0.0).all()
     pixels = models.BAL_PROJECTION.residual(x, np.zeros((len(rows), 2)), None)
-    return scenes.graph(
+    scene = scenes.graph(
         scenes.Source("ring", "bal", b"", b"", 0, {}),
         camera_ids=np.arange(cameras),
         cameras=values,
@@ -41,6 +41,8 @@ def ring(cameras: int = 6, points: int = 40, noise: float = 0.5, seed: int = 0, 
         pixels=pixels + rng.normal(scale=noise, size=pixels.shape),
         lines=np.zeros(len(rows), dtype=np.intp),
     )
+    scene.document = scene.report = None  # made in memory
+    return scene
 
 
 def perturbed(scene: FactorGraph, seed: int = 1, step: float = 0.02) -> FactorGraph:

@@ -7,7 +7,7 @@ from slamcli import __version__
 #: Name of each subcommand: the module that holds its ``command``, and what it does in a line.
 COMMANDS: dict[str, tuple[str, str]] = {
     "compare": ("slamcli.cli.compare", "Dead reckoning, filter and smoother on the same data, side by side."),
-    "convert": ("slamcli.cli.convert", "Convert a graph between g2o and TORO."),
+    "convert": ("slamcli.cli.convert", "Convert a graph between g2o, TORO, BAL and Bundler."),
     "covariance": ("slamcli.cli.covariance", "Print marginal covariances of poses and landmarks."),
     "ekf": ("slamcli.cli.ekf", "Run EKF-SLAM on a graph, a simulation or a real sensor log."),
     "evaluate": ("slamcli.cli.evaluate", "Compare estimates with the truth: ATE, RPE, drift, landmarks."),

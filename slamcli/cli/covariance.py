@@ -114,6 +114,8 @@ def command(input: str, **given: Any) -> int:
     from slamcli.solver.options import OptimizeOptions
 
     check_outputs(given, ("output",), json=given["json"], inputs=[input])
+    if given["probability"] != given["probability"]:  # click's range lets NaN pass
+        raise UsageError("--probability is a number between 0 and 1, got nan")
     request = CovarianceRequest(
         *_selection(given["of"]),
         joint=given["joint"] or (),

@@ -179,7 +179,7 @@ def _write_picture(
 
     name = "standard input" if path == "-" else os.path.basename(path)
     subtitle = f"{plural(len(drawn.variables), 'variable')}, {plural(len(drawn.factors), 'factor')}"
-    if metric and from_above:
+    if metric and from_above and not steps:
         subtitle += ", seen from above"
     with style.house_style():
         if steps:

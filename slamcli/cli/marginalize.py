@@ -56,7 +56,7 @@ def command(input: str, **given: Any) -> int:
     What the removed variables say about the kept ones, the Schur complement of H, becomes edges between these: exactly
     where files can say it, else with the least Kullback-Leibler divergence, which is told. Kept edges stay as they are.
     """
-    check_outputs(given, ("output",), json=given["json"])
+    check_outputs(given, ("output",), json=given["json"], inputs=[input])
     from slamcli.formats import read, write
     from slamcli.graph import analyze
     from slamcli.reporting import marginalization as report
@@ -79,6 +79,7 @@ def command(input: str, **given: Any) -> int:
     marginalized = time.perf_counter() - started
     comparison = marginalization.compare(graph, reduction)
     warn(report.marginalize_warnings(graph, reduction, comparison, saved))
+    marginalization.require_same_optimum(graph, comparison)
     if given["output"]:
         warn([f"not carried over: {loss}" for loss in write(reduction.graph, given["output"])])
     times = {"marginalize": marginalized, "total": time.perf_counter() - started}

@@ -54,7 +54,7 @@ def write(graph: FactorGraph, path: str, *, dialect: str | None = None, comments
     dialect
         ``"g2o"``, ``"toro"``, ``"bal"`` or ``"bundler"``; the format that it was read from, or g2o, if not given.
     comments
-        Lines in front of a graph made in memory.
+        Lines behind a graph made in memory. (In front of it GTSAM's reader would find no edges.)
 
     Returns
     -------
@@ -273,13 +273,14 @@ def _fix_records(graph: FactorGraph, dialect: Dialect) -> list[str]:
 
 
 def _fresh(graph: FactorGraph, dialect: Dialect, comments: Sequence[str]) -> Rendered:
-    """A text from nothing: comments, parameters, vertices, FIX, edges."""
-    records = [f"# {comment}" for comment in comments] + _parameter_records(graph, dialect)
+    """A text from nothing: parameters, vertices, FIX, edges, comments."""
+    records = _parameter_records(graph, dialect)
     for column in graph.variables.values():
         records += _vertex_records(column, np.flatnonzero(column.known), dialect)
     records += _fix_records(graph, dialect)
     for factors in graph.factors:
         records += _edge_records(graph, factors, dialect)
+    records += [f"# {comment}" for comment in comments]
     return Rendered("".join(f"{record}\n" for record in records).encode(), _losses(graph, dialect))
 
 
@@ -315,7 +316,8 @@ def _spliced(
 ) -> bytes:
     """The source's text with some records replaced and some lines removed.
 
-    ``inserted`` records come before the first edge, ``added`` ones at the end.
+    ``inserted`` records come before the first edge, ``added`` ones behind the last record; comments at the end of
+    the text stay there, since GTSAM reads no planar edge behind a comment.
     """
     if not (new or inserted or gone or added):
         return document.data
@@ -325,10 +327,14 @@ def _spliced(
         for k, text in new.items()
     ]
     edits += [(int(document.line_start[k - 1]), int(document.line_start[k]), b"") for k in gone]
+    behind = _behind_records(document)
     if inserted:
-        at = int(document.line_start[document.first_edge_line - 1])
+        at = min(int(document.line_start[document.first_edge_line - 1]), behind)
         start = end if at == len(document.data) and at > 0 and not document.data.endswith(b"\n") else b""
         edits.append((at, at, start + b"".join(text.encode() + end for text in inserted)))
+    if behind < len(document.data):
+        edits.append((behind, behind, b"".join(text.encode() + end for text in added)))
+        added = []
     pieces: list[bytes] = []
     position = 0
     for begin, stop, text in sorted(edits, key=lambda edit: edit[:2]):
@@ -340,3 +346,9 @@ def _spliced(
         pieces.append(b"" if last.endswith(b"\n") else end)
         pieces += (text.encode() + end for text in added)
     return b"".join(pieces)
+
+
+def _behind_records(document: Document) -> int:
+    """Offset of the first of the comments and blank lines that end the text."""
+    records = np.setdiff1d(np.arange(1, len(document.line_start)), document.comments, assume_unique=True)
+    return int(document.line_start[records[-1]]) if len(records) else len(document.data)

@@ -9,9 +9,10 @@ from slamcli.graph import FactorGraph, Topology
 from slamcli.reporting.documents import head, input_section
 from slamcli.reporting.text import plural, seconds, table
 from slamcli.solver.marginalization import Comparison, Reduction
+from slamcli.solver.marginalization.comparison import LARGEST
 
-#: Values are an optimum where a Gauss-Newton step would lower chi2 by less than this, or by less than this share of it.
-OPTIMUM, SHARE = 0.01, 1e-6
+#: Standard deviations by which kept positions may move without a warning.
+_NOTICED = 0.5
 
 
 def marginalize_summary(
@@ -52,11 +53,17 @@ def marginalize_warnings(
     """What may not be as expected: for standard error."""
     out = []
     if saved:
-        out.append(f"{plural(saved, 'fixed variable')} would go by this rule and stays: name the id to remove it")
-    if comparison is not None and comparison.predicted_decrease > max(OPTIMUM, SHARE * source.chi2()):
+        verb, it = ("stays", "id to remove it") if saved == 1 else ("stay", "ids to remove them")
+        out.append(f"{plural(saved, 'fixed variable')} would go by this rule and {verb}: name the {it}")
+    if comparison is not None and not comparison.at_optimum(source.chi2()):
         out.append(
             f"the values are no optimum: a Gauss-Newton step would lower chi2 by {comparison.predicted_decrease:.3g}; "
             "the marginal is that of the linearization here (slamcli optimize first)"
+        )
+    elif comparison is not None and comparison.shift_sigmas > _NOTICED:
+        out.append(
+            f"the optimum is not kept: kept positions move by up to {comparison.shift:.3g} m, "
+            f"{comparison.shift_sigmas:.3g} of their standard deviations"
         )
     if reduction.detached:
         out.append(f"{plural(reduction.detached, 'removed variable')} had no connection to a kept one")
@@ -64,8 +71,8 @@ def marginalize_warnings(
         out.append(f"{plural(reduction.undetermined, 'direction')} of removed variables that no edge determines")
     if comparison is None and reduction.approximated:
         out.append(
-            f"{plural(reduction.approximated, 'marginal')} approximated, and the divergence not computed: the graph is "
-            "singular or too many variables are kept"
+            f"{plural(reduction.approximated, 'marginal')} approximated, and not compared with the full graph: one of "
+            "both is singular"
         )
     return out
 
@@ -76,7 +83,7 @@ def marginalize_document(
     """The document of ``slamcli marginalize --json``."""
     reduced = reduction.graph
     ratios = None
-    if comparison is not None:
+    if comparison is not None and comparison.sigma_ratio is not None:
         ratios = dict(zip(("smallest", "median", "largest"), comparison.sigma_ratio, strict=True))
     return {
         **head("marginalize"),
@@ -100,6 +107,7 @@ def marginalize_document(
         "divergence": None if comparison is None else comparison.divergence,
         "dimension": None if comparison is None else comparison.dimension,
         "shift": None if comparison is None else comparison.shift,
+        "shift_sigmas": None if comparison is None else comparison.shift_sigmas,
         "sigma_ratio": ratios,
         "predicted_decrease": None if comparison is None else comparison.predicted_decrease,
         "time": time,
@@ -117,15 +125,25 @@ def _comparison_rows(reduction: Reduction, comparison: Comparison | None) -> lis
     how = f"{plural(reduction.approximated, 'marginal')} approximated" if reduction.approximated else "exact"
     if comparison is None:
         return [("marginals", f"{how}; not compared with the full graph")]
-    low, middle, high = comparison.sigma_ratio
-    each = comparison.divergence / max(comparison.dimension, 1)
-    return [
-        ("marginals", how),
-        (
-            "KLD",
-            f"{comparison.divergence:.6g} nats from the full graph's marginal, {each:.3g} for each of "
-            f"{comparison.dimension} dimensions",
-        ),
-        ("sigmas", f"of the kept positions, to those of the full graph: {low:.4g} to {high:.4g}, median {middle:.4g}"),
-        ("shift", f"{comparison.shift:.3g} m at most of the kept positions by a Gauss-Newton step"),
-    ]
+    rows = [("marginals", how)]
+    if comparison.divergence is None or comparison.sigma_ratio is None:
+        rows.append(("KLD", f"not computed: {comparison.dimension} dimensions are more than {LARGEST}"))
+    else:
+        each = comparison.divergence / max(comparison.dimension, 1)
+        low, middle, high = comparison.sigma_ratio
+        rows += [
+            (
+                "KLD",
+                f"{comparison.divergence:.6g} nats from the full graph's marginal, {each:.3g} for each of "
+                f"{comparison.dimension} dimensions",
+            ),
+            (
+                "sigmas",
+                f"of the kept positions, to those of the full graph: {low:.4g} to {high:.4g}, median {middle:.4g}",
+            ),
+        ]
+    shift = (
+        f"{comparison.shift:.3g} m at most of the kept positions by a Gauss-Newton step, "
+        f"{comparison.shift_sigmas:.3g} standard deviations"
+    )
+    return [*rows, ("shift", shift)]

@@ -72,3 +72,16 @@ def test_squares_do_not_hide_each_other() -> None:
     places = [place for _, _, place in factor_graph._factor_places(graph, at, 0.05)]
     gaps = [float(factor_graph.np.hypot(*(a - b))) for k, a in enumerate(places) for b in places[:k]]
     assert min(gaps) > 0.02
+
+
+def test_names_can_be_read_and_places_have_a_size(tmp_path: Path) -> None:
+    """Ids of 19 digits stand beside their circles; a single pose has a metre around it."""
+    text = SMALL.replace(" 7 ", " 9223372036854775807 ")
+    for content in (text, "VERTEX_SE2 0 3 4 0\n"):
+        graph, _ = bipartite(read(str(write_file(tmp_path, content))))
+        with style.house_style():
+            figure = factor_graph.draw(graph, graph.positions, "t", "s", True)
+        axes = figure.axes[0]
+        assert {text.get_text() for text in axes.texts} >= {v.label for v in graph.variables.values()}
+        assert min(text.get_fontsize() for text in axes.texts) >= 5.5
+        assert axes.get_xlim()[1] - axes.get_xlim()[0] > 1.0

@@ -96,17 +96,6 @@ def test_a_point_at_a_camera_is_named() -> None:
     assert any("bal 0 6" in line for line in result.diagnosis)
 
 
-def test_a_pixel_whose_square_overflows_is_named() -> None:
-    scene = ring()
-    factors = scene.factors[0]
-    pixels = factors.measurements.copy()
-    pixels[3, 0] = 1e200
-    result = slamcli.optimize(replace(scene, factors=[replace(factors, measurements=pixels)]))
-    assert result.exit_code == 5
-    camera, point = factors.indices[3]
-    assert any(f"bal {camera} {6 + point}:" in line for line in result.diagnosis)
-
-
 def test_one_camera_and_points_seen_once_end_without_a_failure() -> None:
     result = slamcli.optimize(perturbed(ring(cameras=1, points=50, share=1.0)))
     assert result.status is Status.CONVERGED

@@ -238,6 +238,38 @@ def test_a_singular_graph_is_diagnosed() -> None:
         assert any("XY 77" in line for line in caught.value.details)
 
 
+@pytest.mark.parametrize("seed", range(40))
+def test_rounding_does_not_hide_a_singular_graph(seed: int) -> None:
+    """A graph that may turn about its one known point: rounding makes its last pivot zero, or next to it."""
+    rng = np.random.default_rng(seed)
+    lines = [f"VERTEX_SE2 {k} {x} {y} {a}" for k, (x, y, a) in enumerate(rng.normal(size=(6, 3)) * 3.0)]
+    lines += [f"VERTEX_XY 9 {rng.normal()} {rng.normal()}"]
+    for i, j in ((0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (0, 5)):
+        scale = np.exp(rng.normal(size=3))
+        lines.append(f"EDGE_SE2 {i} {j} 1 0 0.1 {scale[0]} 0.1 0.05 {scale[1] + 1} 0.02 {scale[2] + 1}")
+    lines += ["EDGE_SE2_XY 2 9 1 1 7.1 0.3 5.2", "EDGE_SE2_XY 3 9 1 2 3.1 0.1 2.2", "EDGE_PRIOR_XY 9 0 0 10 0 10"]
+    text = "".join(f"{line}\n" for line in lines).encode()
+    with pytest.raises(NumericalError, match="not positive definite"):
+        CovarianceRecovery(parse("test.g2o", text, text)).marginals()
+
+
+def test_a_long_chain_is_uncertain_but_not_singular() -> None:
+    """The end is 10^11 times as uncertain as with its neighbours held; its variance is known in closed form."""
+    count = 20_000
+    text = "".join(f"VERTEX_SE2 {k} {k} 0 0\n" for k in range(count))
+    text += "".join(f"EDGE_SE2 {k} {k + 1} 1 0 0 400 0 0 400 0 10000\n" for k in range(count - 1))
+    last = CovarianceRecovery(parse("test.g2o", text.encode(), text.encode())).marginals()["SE2"][-1]
+    steps = count - 1
+    sideways = steps / 400 + sum(k * k for k in range(steps)) / 10_000
+    assert_allclose(np.diag(last), [steps / 400, sideways, steps / 10_000], rtol=1e-6)
+
+
+def test_no_scale_without_a_residual() -> None:
+    graph = points([(0.0, 0.0), (1.0, 0.0), (2.0, 0.0)], differences([(0, 1, 1, 0), (1, 2, 1, 0), (0, 2, 2, 0)]))
+    with pytest.raises(NumericalError, match="chi2 is 0"):
+        recover(CovarianceRecovery(graph), CovarianceRequest(scale="posterior"))
+
+
 def test_no_information_at_all() -> None:
     graph = points([(0.0, 0.0)] * 2, differences([(0, 1, 0, 0)], weight=0.0))
     with pytest.raises(NumericalError, match="not positive definite"):

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from support import BUNDLED, write_file
 
-from slamcli.errors import InputError, NumericalError, UsageError
 from slamcli.formats import read, render
 from slamcli.geometry import se2, se3
 from slamcli.graph import FactorGraph
@@ -343,78 +342,3 @@ def test_a_prior_in_space_gets_a_sensor_at_the_origin(tmp_path: Path) -> None:
     assert again.chi2() == pytest.approx(0.0, abs=1e-12)
     information = again.factors[-1].information[0]
     assert information[3, 3] == pytest.approx(0.5)  # two rotations of variance 1 about the same axis
-
-
-def test_rules(tmp_path: Path) -> None:
-    graph = read(str(BUNDLED / "landmarks_small.g2o"))
-    fixed = graph.with_fixed([3])
-    removed, saved = removed_by(fixed, "every:10", None)
-    assert saved == 1 and not removed["SE2"][graph.variables["SE2"].row_of(3)]
-    assert int((~removed["SE2"]).sum()) == 11 and not removed["XY"].any()
-    removed, saved = removed_by(fixed, None, "2-4")
-    assert saved == 0 and int(removed["SE2"].sum()) == 3
-    removed, _ = removed_by(graph, None, "every:10")
-    assert int(removed["SE2"].sum()) == 10 and not removed["XY"].any()
-
-
-@pytest.mark.parametrize(
-    ("keep", "remove", "says"),
-    [
-        (None, None, "--keep RULE or --remove RULE"),
-        ("0", "1", "--keep RULE or --remove RULE"),
-        ("every:1", None, "whole number N of 2 or more"),
-        ("every:x", None, "whole number"),
-        ("5-2", None, "no range"),
-        ("999999", None, "no variable has the id 999999"),
-        ("0,x", None, "'x' is no id"),
-        ("0-999", None, "removes nothing"),
-        (None, "0-999", "removes everything"),
-    ],
-)
-def test_rules_that_cannot_be_followed(keep: str | None, remove: str | None, says: str) -> None:
-    graph = read(str(BUNDLED / "landmarks_small.g2o"))
-    with pytest.raises(UsageError, match=says):
-        removed_by(graph, keep, remove)
-
-
-def test_what_no_factor_can_say_is_refused(tmp_path: Path) -> None:
-    """A pose that sees three landmarks, and a kept pose elsewhere in the component that does not join them."""
-    lines = ["VERTEX_SE2 0 0 0 0", "VERTEX_SE2 1 9 0 0", *(f"VERTEX_XY 1{k} {k} 1" for k in range(4))]
-    lines += [f"EDGE_SE2_XY 0 1{k} {k} 1 1 0 1" for k in range(3)]
-    lines += [f"EDGE_SE2_XY 1 1{k} {k - 9} 1 1 0 1" for k in range(2, 4)]
-    graph = read(str(write_file(tmp_path, "".join(f"{line}\n" for line in lines))))
-    with pytest.raises(InputError, match="joins 3 landmarks in a frame"):
-        reduce(graph, remove="0")
-
-
-def test_large_marginals_are_refused_with_a_way_out() -> None:
-    with pytest.raises(UsageError, match="in 780 pairs") as caught:
-        reduce(read(str(BUNDLED / "manhattan_small.g2o")), "every:10", largest_blanket=20)
-    assert "--sparsify chow-liu" in caught.value.details[0]
-
-
-def test_marginals_that_cannot_be_computed_are_named(tmp_path: Path) -> None:
-    """No edge but the observations says anything: what is left has no frame."""
-    lines = [f"VERTEX_SE2 {k} {k} 0 0" for k in range(4)] + ["VERTEX_XY 8 3 1", "VERTEX_XY 9 -1 1"]
-    lines += [f"EDGE_SE2 {k} {k + 1} 1 0 0 0 0 0 0 0 0" for k in range(3)]
-    lines += [f"EDGE_SE2_XY {k} {p} {x - k} 1 100 0 100" for k, p, x in ((1, 8, 3), (2, 8, 3), (0, 9, -1), (3, 9, -1))]
-    graph = read(str(write_file(tmp_path, "".join(f"{line}\n" for line in lines))))
-    with pytest.raises(NumericalError, match="marginal of 3 variables that cannot be computed") as caught:
-        reduce(graph, remove="1")
-    assert "SE2 0, SE2 2, XY 8" in caught.value.details[0]
-
-
-def test_no_estimate_is_refused(tmp_path: Path) -> None:
-    graph = read(str(write_file(tmp_path, "EDGE_SE2 0 1 1 0 0 1 0 0 1 0 1\nEDGE_SE2 1 2 1 0 0 1 0 0 1 0 1\n")))
-    with pytest.raises(InputError, match="3 variables have no estimate"):
-        reduce(graph, remove="1")
-
-
-def test_what_hangs_on_nothing_kept_goes_without_a_trace(tmp_path: Path) -> None:
-    """The end of a chain says nothing of its start; another component neither."""
-    lines = [f"VERTEX_SE2 {k} {k} 0 0" for k in range(5)]
-    lines += [f"EDGE_SE2 {k} {k + 1} 1 0 0 1 0 0 1 0 1" for k in (0, 1, 3)]
-    graph = read(str(write_file(tmp_path, "".join(f"{line}\n" for line in lines))))
-    reduction = reduce(graph, "0,1")
-    assert reduction.recovered_edges == 0 and reduction.graph.edges == 1
-    assert reduction.detached == 2

@@ -179,6 +179,7 @@ def test_points_that_an_edge_joins_are_not_eliminated() -> None:
 
 
 def test_scenes_are_solved_with_it_by_default() -> None:
+    assert problem(perturbed(ring(cameras=12, points=10)), "auto").schur is not None
     own = problem(perturbed(ring(cameras=5, points=400)), "auto")
     assert own.schur is not None
     assert own.schur.dense

@@ -25,8 +25,8 @@ _COLOURS = {
 }
 #: Panels of a strip in one row.
 _ROW = 4
-#: Around the variables, as a share of the larger extent.
-_MARGIN = 0.12
+#: Around the variables, as a share of the larger extent: wide for few, whose circles and priors beside them are large.
+_FEW, _WIDE_MARGIN, _MARGIN = 12, 0.2, 0.12
 #: Points of the smallest label that can be read, and up to how many variables labels stand beside circles that are too
 #: small for them.
 _READABLE, _LABELLED = 5.5, 60
@@ -126,9 +126,14 @@ def _extent(at: Places) -> tuple[Array, Array]:
     return 0.5 * (low + high - span), span
 
 
+def _margin(at: Places) -> float:
+    """Free space around what is shown, in its unit."""
+    return (_WIDE_MARGIN if len(at) <= _FEW else _MARGIN) * float(_extent(at)[1].max())
+
+
 def _ratio(at: Places) -> float:
     """Height of the box by its width."""
-    span = _extent(at)[1] + 2.0 * _MARGIN * float(_extent(at)[1].max())
+    span = _extent(at)[1] + 2.0 * _margin(at)
     return float(span[1] / span[0])
 
 
@@ -136,7 +141,7 @@ def _diameter(at: Places, width: float) -> tuple[float, float]:
     """Points of a circle, as large as the distances between neighbours allow, and the metres that these are."""
     every = np.array(list(at.values()))
     span = _extent(at)[1]
-    points = 72.0 * width / float(span[0] + 2.0 * _MARGIN * span.max())
+    points = 72.0 * width / float(span[0] + 2.0 * _margin(at))
     if len(every) < 2:
         return 26.0, 26.0 / points
     apart = np.sqrt(np.square(every[:, None] - every[None]).sum(axis=2))
@@ -148,7 +153,7 @@ def _diameter(at: Places, width: float) -> tuple[float, float]:
 
 def _frame(axes: Axes, at: Places, metric: bool) -> None:
     low, span = _extent(at)
-    margin = _MARGIN * float(span.max())
+    margin = _margin(at)
     axes.set_xlim(low[0] - margin, low[0] + span[0] + margin)
     axes.set_ylim(low[1] - margin, low[1] + span[1] + margin)
     axes.set_aspect("equal", adjustable="box")

@@ -94,6 +94,11 @@ def _factor(recovery: CovarianceRecovery, scale: str) -> float:
             f"no posterior scale: chi2 has {recovery.dof} degrees of freedom",
             ("  with no more residuals than unknowns, chi2 says nothing about the size of the noise",),
         )
+    if recovery.chi2 == 0.0:
+        raise NumericalError(
+            "no posterior scale: chi2 is 0",
+            ("  measurements that fit without any error say nothing about the size of the noise",),
+        )
     return recovery.chi2 / recovery.dof
 
 

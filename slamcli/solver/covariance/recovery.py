@@ -100,13 +100,13 @@ class CovarianceRecovery:
             out = selected_inverse(problem.pattern, problem.permutation, self._system.hessian)
         except NotPositiveDefiniteError:
             raise self._singular() from None
-        inflation = self._system.hessian[problem.pattern.diagonal] * out[problem.pattern.diagonal]
+        inflation = problem.diagonal(self._system) * out[problem.pattern.diagonal]
         if not inflation.max(initial=1.0) < _SUSPICIOUS and not self._is_inverse(int(inflation.argmax())):
             raise self._singular()
         return out
 
     def _is_inverse(self, scalar: int) -> bool:
-        """Whether a column x of H^-1 has the energy x^T H x = x_j that it must have: no rounding error in the place of H.
+        """Whether a column x of H^-1 has the energy x^T H x = x_j that it must have, and is no product of rounding.
 
         The energy is taken from the Jacobians, sum |J x|^2: of a direction that no edge sees it is next to zero, while
         the factor of a singular H, where rounding let it pass, claims otherwise.

@@ -5,9 +5,18 @@ between pairs of variables, all that files can hold: exactly where that is possi
 Kullback-Leibler divergence (nonlinear factor recovery).
 """
 
-from slamcli.solver.marginalization.comparison import Comparison, compare
+from slamcli.solver.marginalization.comparison import Comparison, compare, require_same_optimum
 from slamcli.solver.marginalization.fill_in import Blocks
 from slamcli.solver.marginalization.reduction import SPARSIFICATIONS, Reduction, marginalize
 from slamcli.solver.marginalization.selection import removed_by
 
-__all__ = ["SPARSIFICATIONS", "Blocks", "Comparison", "Reduction", "compare", "marginalize", "removed_by"]
+__all__ = [
+    "SPARSIFICATIONS",
+    "Blocks",
+    "Comparison",
+    "Reduction",
+    "compare",
+    "marginalize",
+    "removed_by",
+    "require_same_optimum",
+]

@@ -17,6 +17,7 @@ import numpy as np
 from cvxopt import lapack, matrix
 from numpy.typing import NDArray
 
+from slamcli.errors import NumericalError
 from slamcli.graph import FactorGraph
 from slamcli.graph.columns import BoolArray, IndexArray
 from slamcli.graph.topology import component_labels
@@ -24,14 +25,18 @@ from slamcli.models.base import Array, dot
 from slamcli.solver import gauge, ordering
 from slamcli.solver.backends import NotPositiveDefiniteError
 from slamcli.solver.backends.cholmod import supernodal_factor
+from slamcli.solver.covariance.selected_inverse import selected_inverse
 from slamcli.solver.gauge import Held
 from slamcli.solver.marginalization.reduction import Reduction
 from slamcli.solver.options import OptimizeOptions
+from slamcli.solver.pattern import BlockPattern
 from slamcli.solver.problem import Problem
 from slamcli.solver.stopwatch import Stopwatch
 
-#: Dimensions of the kept variables up to which the comparison is made: it takes dense matrices of them.
+#: Dimensions of the kept variables up to which divergence and standard deviations are compared: with dense matrices.
 LARGEST = 4500
+#: Standard deviations by which the optimum may move: beyond them the reduced graph is another one.
+LARGEST_SHIFT = 3.0
 
 
 @dataclass(frozen=True)
@@ -41,32 +46,40 @@ class Comparison:
     Attributes
     ----------
     divergence
-        KLD in nats, that of the means included.
+        KLD in nats, that of the means included; None beyond ``LARGEST`` dimensions.
     dimension
         n, dimensions of the kept variables that are not held.
     shift
         Largest distance in metres between the kept positions after one Gauss-Newton step in both graphs.
+    shift_sigmas
+        Largest ratio of such a distance to the position's standard deviation in the full graph (square root of the
+        trace of its covariance).
     sigma_ratio
-        Smallest, median and largest ratio of the kept positions' standard deviations (square root of the trace of
-        their covariance), reduced to full; above 1 the reduced graph is the less confident one.
+        Smallest, median and largest ratio of the kept positions' standard deviations, reduced to full; above 1 the
+        reduced graph is the less confident one. None beyond ``LARGEST`` dimensions.
     predicted_decrease
         Of the full graph's chi2 by a Gauss-Newton step, the squared distance to the optimum in standard deviations.
     """
 
-    divergence: float
+    divergence: float | None
     dimension: int
     shift: float
-    sigma_ratio: tuple[float, float, float]
+    shift_sigmas: float
+    sigma_ratio: tuple[float, float, float] | None
     predicted_decrease: float
+
+    def at_optimum(self, chi2: float) -> bool:
+        """Whether the values are within a tenth of a standard deviation of an optimum of the full graph."""
+        return self.predicted_decrease <= max(0.01, 1e-6 * chi2)
 
 
 def compare(graph: FactorGraph, reduction: Reduction) -> Comparison | None:
-    """Compare a reduced graph with the full one; None where either is singular, or the kept variables are too many."""
+    """Compare a reduced graph with the full one; None where either is singular, or nothing is left to compare."""
     reduced = reduction.graph
     if not reduced.factors:
         return None
     own = gauge.choose(reduced)[1]
-    if _dimension(reduced, own) > LARGEST or all(mask.all() for mask in own.values()):
+    if all(mask.all() for mask in own.values()):
         return None
     held = _same_gauge(graph, reduction, own)
     options = OptimizeOptions()
@@ -74,36 +87,74 @@ def compare(graph: FactorGraph, reduction: Reduction) -> Comparison | None:
     there = full.linearize(graph.values)
     small = Problem(reduced, own, options, Stopwatch())
     here = small.linearize(reduced.values)
+    index = _kept_rows(graph, reduction, held)
+    dense: tuple[float | None, tuple[float, float, float] | None] = (None, None)
     try:
         step = full.solve(there)
-        own_step = small.solve(here)
-        index = _kept_rows(graph, reduction, held)
-        marginal = _marginal_factor(full, there.hessian, index)
-        information = np.zeros((len(index), len(index)))
-        information[small.pattern.scalar_rows, small.pattern.scalar_columns] = here.hessian
-        information[small.pattern.scalar_columns, small.pattern.scalar_rows] = here.hessian
-        factor = np.linalg.cholesky(information)
+        difference = small.solve(here) - step[index]
+        variances = selected_inverse(full.pattern, full.permutation, there.hessian)[full.pattern.diagonal][index]
+        if len(index) <= LARGEST:
+            marginal = _marginal_factor(full, there.hessian, index)
+            dense = _compare_dense(reduced, own, small.pattern, here.hessian, marginal, difference)
     except (NotPositiveDefiniteError, np.linalg.LinAlgError):
         return None
-    difference = own_step - step[index]
-    inverses = _lower_inverse(factor), _lower_inverse(marginal)
-    half = inverses[1] @ factor
-    log_dets = 2.0 * float(np.log(np.diagonal(marginal)).sum() - np.log(np.diagonal(factor)).sum())
-    trace = float(np.square(half).sum()) - len(index)
-    moved = float(np.square(factor.T @ difference).sum())
-    sigmas = [_position_variances(reduced, own, inverse) for inverse in inverses]
-    ratio = np.sqrt(sigmas[0] / sigmas[1])
+    moved = np.sqrt(_positions(reduced, own, np.square(difference)))
+    sigmas = np.sqrt(_positions(reduced, own, variances))
     return Comparison(
-        divergence=max(0.0, 0.5 * (trace + log_dets + moved)),
+        divergence=dense[0],
         dimension=len(index),
-        shift=float(np.sqrt(_positions(reduced, own, np.square(difference)).max(initial=0.0))),
-        sigma_ratio=(float(ratio.min()), float(np.median(ratio)), float(ratio.max())),
+        shift=float(moved.max(initial=0.0)),
+        shift_sigmas=float((moved / sigmas).max(initial=0.0)),
+        sigma_ratio=dense[1],
         predicted_decrease=max(0.0, -dot(there.gradient, step)),
     )
 
 
-def _dimension(graph: FactorGraph, held: Held) -> int:
-    return sum(int(np.count_nonzero(~held[name])) * c.kind.dimension for name, c in graph.variables.items())
+def require_same_optimum(graph: FactorGraph, comparison: Comparison | None) -> None:
+    """Refuse a reduced graph that moves the optimum of the full one far beyond its uncertainty.
+
+    Raises
+    ------
+    NumericalError
+        If the values are an optimum, and a kept position moves by more than ``LARGEST_SHIFT`` standard deviations.
+    """
+    if comparison is None or not comparison.at_optimum(graph.chi2()) or comparison.shift_sigmas <= LARGEST_SHIFT:
+        return
+    raise NumericalError(
+        f"the recovered edges would move kept positions by up to {comparison.shift:.3g} m, "
+        f"{comparison.shift_sigmas:.3g} of their standard deviations: nothing is written",
+        (
+            "  they cannot hold the gradient of a marginal that says nothing of some directions",
+            "  keep more of the variables, or another --sparsify",
+        ),
+    )
+
+
+def _compare_dense(
+    reduced: FactorGraph, own: Held, pattern: BlockPattern, hessian: Array, marginal: Array, difference: Array
+) -> tuple[float, tuple[float, float, float]]:
+    """KLD and ratios of the standard deviations, from the lower factor of the marginal.
+
+    Raises
+    ------
+    LinAlgError
+        If the reduced graph's H is not positive definite.
+    """
+    information = np.zeros((len(difference), len(difference)))
+    information[pattern.scalar_rows, pattern.scalar_columns] = hessian
+    information[pattern.scalar_columns, pattern.scalar_rows] = hessian
+    factor = np.linalg.cholesky(information)
+    inverses = _lower_inverse(factor), _lower_inverse(marginal)
+    log_dets = 2.0 * float(np.log(np.diagonal(marginal)).sum() - np.log(np.diagonal(factor)).sum())
+    trace = float(np.square(inverses[1] @ factor).sum()) - len(difference)
+    moved = float(np.square(factor.T @ difference).sum())
+    sigmas = [_position_variances(reduced, own, inverse) for inverse in inverses]
+    ratio = np.sqrt(sigmas[0] / sigmas[1])
+    return max(0.0, 0.5 * (trace + log_dets + moved)), (
+        float(ratio.min()),
+        float(np.median(ratio)),
+        float(ratio.max()),
+    )
 
 
 def _same_gauge(graph: FactorGraph, reduction: Reduction, own: Held) -> Held:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from slamcli.graph.columns import BoolArray, IndexArray
@@ -64,16 +66,18 @@ def descend(
     context
         Information over the blanket that comes on top of S, and is in the T_i.
     """
-    out = [matrices.copy() for matrices in start]
+    square_roots = [roots(covariance) for covariance in covariances]
+    # in units of the marginal's own uncertainty, where T_i is the identity
+    links = [
+        replace(part, jacobian=inverse @ part.jacobian) for part, (_, inverse) in zip(links, square_roots, strict=True)
+    ]
+    out = [root.transpose(0, 2, 1) @ x @ root for x, (root, _) in zip(start, square_roots, strict=True)]
     steps = [(k, int(row)) for k, mask in enumerate(chosen) for row in np.flatnonzero(mask)]
     budget = int(min(_SWEEPS * len(steps), _OPERATIONS / max(1.0, 12.0 * len(free) ** 2)))
-    square_roots = [roots(covariance) for covariance in covariances]
     active = steps
     while budget > 0:
         sigma = padded_inverse(context + total(links, out, len(context)), free)  # anew: no rounding adds up
-        gains = [
-            _step(links[k], row, square_roots[k][0][row], square_roots[k][1][row], out[k], sigma) for k, row in active
-        ]
+        gains = [_step(links[k].jacobian[row], links[k].columns[row], out[k][row], sigma) for k, row in active]
         budget -= len(active)
         if sum(gains) < _TOLERANCE:
             if len(active) == len(steps):
@@ -81,7 +85,7 @@ def descend(
             active = steps
         else:  # where next to nothing is gained any more, only now and then
             active = [link for link, gain in zip(active, gains, strict=True) if gain > _IDLE * max(gains)]
-    return out
+    return [inverse.transpose(0, 2, 1) @ x @ inverse for x, (_, inverse) in zip(out, square_roots, strict=True)]
 
 
 def roots(covariance: Array) -> tuple[Array, Array]:
@@ -94,21 +98,16 @@ def roots(covariance: Array) -> tuple[Array, Array]:
     return root, inverse
 
 
-def _step(links: Links, row: int, root: Array, inverse: Array, information: Array, sigma: Array) -> float:
-    """The best X of one link; S^-1 in place (Woodbury). Returns by how much 2 KLD falls."""
-    jacobian, columns = links.jacobian[row], links.columns[row]
+def _step(jacobian: Array, columns: IndexArray, information: Array, sigma: Array) -> float:
+    """The best X of one link, with T = I; X and S^-1 in place (Woodbury). Returns by how much 2 KLD falls."""
     across = sigma[:, columns] @ jacobian.T
     here = jacobian @ across[columns]
-    before = root.T @ information[row] @ root
-    weight = np.linalg.inv(inverse @ here @ inverse.T)
-    values, vectors = np.linalg.eigh(weight - before)
-    after = (vectors * np.maximum(1.0 - values, 0.0)) @ vectors.T
-    change = after - before
-    gained = float(np.log(np.maximum(values, 1.0)).sum() - np.linalg.slogdet(weight)[1] - np.trace(change))
+    values, vectors = np.linalg.eigh(np.linalg.inv(here) - information)
+    change = (vectors * np.maximum(1.0 - values, 0.0)) @ vectors.T - information
+    gained = float(np.log(np.maximum(values, 1.0)).sum() + np.linalg.slogdet(here)[1] - change.trace())
     if gained <= 1e-14:
         return 0.0
-    information[row] = inverse.T @ after @ inverse
-    delta = inverse.T @ change @ inverse
-    gain = np.linalg.solve(np.eye(len(delta)) + delta @ here, delta)
+    information += change
+    gain = np.linalg.solve(np.eye(len(change)) + change @ here, change)
     sigma -= across @ (0.5 * (gain + gain.T)) @ across.T
     return gained

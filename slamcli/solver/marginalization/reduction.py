@@ -28,6 +28,8 @@ SPARSIFICATIONS = ("none", "chow-liu", "subgraph")
 _AT_ONCE = 150
 #: Largest blanket that is written as one marginal: with all its pairs, and as a sparse approximation.
 LARGEST_DENSE, LARGEST_SPARSE = 80, 32
+#: Largest blanket of a single variable: time grows with its cube (half a minute for 800), memory with its square.
+LARGEST_ALONE = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,6 +253,7 @@ class _Marginalization:
             if now > degree:
                 heapq.heappush(queue, (now, node))
                 continue
+            self._refuse_hub(node, now)
             marginal = self.quadratics.eliminate([node])
             left -= 1
             if apart or left == 0:
@@ -258,6 +261,15 @@ class _Marginalization:
             elif marginal.nodes:
                 self.quadratics.add(marginal)
             self.on_removed()
+
+    def _refuse_hub(self, node: int, blanket: int) -> None:
+        """Refuse a variable that even alone joins too many others."""
+        if blanket > max(LARGEST_ALONE, self.largest):
+            raise UsageError(
+                f"removing {self.nodes.name(node)} makes {blanket} variables depend on each other: "
+                f"more than the {LARGEST_ALONE} of one marginal",
+                ("  keep it, or less of the others", f"  --largest-blanket {blanket} tries it nevertheless"),
+            )
 
     def _recover(self, marginal: Piece) -> None:
         found = recover(self.nodes, marginal, self.sparsification, self._around)

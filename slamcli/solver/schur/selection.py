@@ -12,6 +12,7 @@ from slamcli.graph.columns import BoolArray
 from slamcli.solver import backends, ordering
 from slamcli.solver.backends import Factorization
 from slamcli.solver.backends.dense import Dense
+from slamcli.solver.bundle import has_projections
 from slamcli.solver.gauge import Held
 from slamcli.solver.ordering import FoundOrder
 from slamcli.solver.pattern import BlockPattern
@@ -23,8 +24,8 @@ from slamcli.solver.symbolic import ReducedSystem
 _SMALL = 600
 #: Density from which on LAPACK beats a sparse factorization.
 _DENSE = 0.3
-#: With fewer links than this for each block of the complement a general sparse factorization is faster (measured:
-#: the landmark sets have 1.0 to 2.6, the sets of bundle adjustment from 20 on).
+#: With fewer links than this for each block of the complement a general sparse factorization may be faster (measured:
+#: it is by far on landmark sets, Victoria Park with 0.03 and world-2000 with 0.2; it is not on Ladybug-49 with 32).
 _LINKS = 8.0
 
 
@@ -79,7 +80,9 @@ def select(
     Parameters
     ----------
     elimination
-        ``none``, ``schur`` (points, or a usage error), or ``auto`` (where it pays).
+        ``none``, ``schur`` (points, or a usage error), or ``auto``: where it pays, and always where cameras see the
+        points, since pivots of such systems differ by more orders of magnitude than a factorization of all at once
+        can tell from rounding. (Here points are judged by their own blocks, and the complement is scaled.)
     ordering_name
         How the complement is ordered.
     graph, held
@@ -97,7 +100,7 @@ def select(
     for name, mask in _points(graph, held):
         if not mask.any() or mask.all() or _joined(pattern, mask):
             continue
-        if elimination == "auto" and not _pays(pattern, mask):
+        if elimination == "auto" and not (has_projections(graph) or _pays(pattern, mask)):
             continue
         structure = Structure.of(pattern, mask)
         reduced = structure.reduced
