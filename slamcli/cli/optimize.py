@@ -43,7 +43,9 @@ is written), 130 interrupted (the result so far is written).
 """
 
 
-_OUTPUTS = ("output", "trace", "covariances", "labels_out", "drop_rejected", "ply")
+#: What is no graph; a graph may take the place of the input.
+_REPORTS = ("trace", "covariances", "labels_out", "ply")
+_OUTPUTS = ("output", "drop_rejected", *_REPORTS)
 
 
 @click.command(name="optimize", epilog=_EXAMPLES)
@@ -73,7 +75,8 @@ def command(context: click.Context, /, input: str, **given: Any) -> int:
     Minimizes chi2, the sum of e^T Omega e over all edges in g2o's definitions (no factor of one half). The summary
     goes to standard output (to standard error where that carries a graph), iterations and warnings to standard error.
     """
-    check_outputs(given, _OUTPUTS, json=given["json"])
+    check_outputs(given, _OUTPUTS, json=given["json"], inputs=[given["config"]])
+    check_outputs(given, _REPORTS, json=False, inputs=[input])
     given = merge_config(context, given["config"], given, OptimizeOptions.names() + CERTIFICATE_OPTIONS)
     check_certificate(given)
     check_robust(given)

@@ -96,6 +96,10 @@ def check_robust(given: dict[str, Any]) -> None:
         for name in ("labels_out", "drop_rejected"):
             if given[name]:
                 raise UsageError(f"--{name.replace('_', '-')} needs --robust or --kernel")
+    if given["kernel"] == "none":
+        for name, idle in (("kernel_width", None), ("kernel_on", "closures")):
+            if given[name] != idle:
+                raise UsageError(f"--{name.replace('_', '-')} needs --kernel")
     if given["noise_scale"] is not None and given["robust"] in ("none", "switchable"):
         raise UsageError("--noise-scale needs --robust with pcm or gnc")
     if robust and (given["certify"] or given["objective"] != "g2o"):

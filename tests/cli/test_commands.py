@@ -54,6 +54,9 @@ EDGE_SE2 0 1 1 0 0 100 0 0 100 0 400
 EDGE_SE2 1 2 1 0 0 100 0 0 100 0 400
 EDGE_SE2 0 2 0 0 0 100 0 0 100 0 400
 """
+#: The same closure with a switch, as Vertigo writes it.
+SWITCHED = FALSE_CLOSURE.replace("EDGE_SE2 0 2", "EDGE_SE2_SWITCHABLE 0 2 9")
+SWITCHED += "VERTEX_SWITCH 9 1\nEDGE_SWITCH_PRIOR 9 1 1\n"
 CONFIG = "method: lm\nmax-iterations: 3\nfix: [1]\n"
 
 
@@ -205,7 +208,20 @@ CASES = (
     Case("optimize {in} --robust gnc --kernel huber", 2, err="two ways"),
     Case("optimize {in} --robust gnc --certify", 2, err="--drop-rejected"),
     Case("optimize {in} --robust ransac", 2, err="ransac"),
-    Case("optimize {in} --config {config}", 2, err="kernel_width must be a number", config="kernel_width: wide"),
+    Case(
+        "optimize {in} --config {config} --kernel dcs",
+        2,
+        err="kernel_width must be a number",
+        config="kernel_width: wide",
+    ),
+    Case("optimize {in} --kernel-width 2", 2, err="--kernel-width needs --kernel"),
+    Case("optimize {in} --kernel-on all", 2, err="--kernel-on needs --kernel"),
+    *(Case(f"optimize {{in}} --robust {name}", 3, err="switchable", content=SWITCHED) for name in ("auto", "gnc")),
+    *(
+        Case(f"optimize {{in}} --robust gnc --{name} {{in}}", 2, err=f"--{name} ", content=FALSE_CLOSURE)
+        for name in ("trace", "labels-out", "ply")
+    ),
+    Case("optimize {in} --config {config} -o {config}", 2, err="would be overwritten"),
     # optimize: not converged
     Case("optimize {in} --max-iterations 0", 4, out="not converged: no iterations allowed"),
     Case("optimize {in} -o {out} --trace {out}", 2, err="name the same file"),

@@ -53,6 +53,37 @@ def test_stretches_that_overlap_are_correlated():
     assert far.pairs(np.array([0]), np.array([1]))[0] == pytest.approx(4.0 / 7.0)
 
 
+def _line(false):
+    """A chain along x with four true closures and, if wanted, a false one."""
+    true = [(i, i + 5, (5.0, 0.0, 0.0)) for i in range(4)]
+    return _graph([(1.0, 0.0, 0.0)] * 9, true + [(0, 9, (0.0, 0.0, 0.0))] * false, information=100.0)
+
+
+@pytest.mark.parametrize("silent", [[9, 10], range(9, 13), [2]], ids=["some closures", "all closures", "a step"])
+def test_edges_without_information_contradict_nothing(silent):
+    graph = _line(false=silent == [2])
+    graph.factors[0].information[silent] = 0.0
+    found = pcm.consistent(Closures.of(graph), 0.9999)
+    assert found.keep[:4].all()
+    assert np.isfinite(found.scale)
+
+
+def test_of_parallel_steps_the_most_informative_counts():
+    graph = _line(false=True)
+    edges = graph.factors[0]
+    wrong = replace(edges.part(np.array([3])), information=np.eye(3)[None], measurements=np.array([[7.0, 0.0, 0.0]]))
+    both = Factors(
+        edges.kind,
+        *(np.concatenate([getattr(f, name) for f in (edges, wrong)]) for name in ("indices", "measurements")),
+        np.concatenate([edges.information, wrong.information]),
+    )
+    order = np.roll(np.arange(len(both)), 1)
+    found = [Cycles.of(Closures.of(replace(graph, factors=[both.part(rows)]))) for rows in (slice(None), order)]
+    alone = [np.sort(cycles.alone()) for cycles in found]
+    np.testing.assert_allclose(alone[0], alone[1], atol=1e-12)
+    np.testing.assert_allclose(alone[0], np.sort(Cycles.of(Closures.of(graph)).alone()), atol=1e-12)
+
+
 def test_the_distance_is_chi_square_distributed():
     rng = np.random.default_rng(0)
     sigma, steps = 0.01, np.array([(1.0, 0.0, 0.1)] * 30)

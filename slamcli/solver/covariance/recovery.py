@@ -17,6 +17,7 @@ from slamcli.graph.columns import IndexArray
 from slamcli.models.base import Array
 from slamcli.solver import diagnosis, gauge
 from slamcli.solver.backends import NotPositiveDefiniteError
+from slamcli.solver.covariance.rounding import regular_by_rounding
 from slamcli.solver.covariance.selected_inverse import selected_inverse
 from slamcli.solver.linear_system import LinearSystem
 from slamcli.solver.options import OptimizeOptions
@@ -24,10 +25,6 @@ from slamcli.solver.problem import Problem
 from slamcli.solver.result import Result
 from slamcli.solver.stopwatch import Stopwatch
 
-#: Variance beside that with all other variables held, H_ii^-1, above which rounding may be all that keeps H regular ...
-_SUSPICIOUS = 1e10
-#: ... and the relative error of a column's energy that says so.
-_ENERGY = 0.1
 #: A variable: the name of its kind, and its row in that column.
 Member = tuple[str, int]
 
@@ -100,33 +97,9 @@ class CovarianceRecovery:
             out = selected_inverse(problem.pattern, problem.permutation, self._system.hessian)
         except NotPositiveDefiniteError:
             raise self._singular() from None
-        inflation = problem.diagonal(self._system) * out[problem.pattern.diagonal]
-        if not inflation.max(initial=1.0) < _SUSPICIOUS and not self._is_inverse(int(inflation.argmax())):
+        if regular_by_rounding(self.graph, self.held, problem, self._system, out):
             raise self._singular()
         return out
-
-    def _is_inverse(self, scalar: int) -> bool:
-        """Whether a column x of H^-1 has the energy x^T H x = x_j that it must have, and is no product of rounding.
-
-        The energy is taken from the Jacobians, sum |J x|^2: of a direction that no edge sees it is next to zero, while
-        the factor of a singular H, where rounding let it pass, claims otherwise.
-        """
-        column = self._columns(np.array([scalar]))[0]
-        steps = {name: np.zeros((len(c), c.kind.dimension)) for name, c in self.graph.variables.items()}
-        start = 0
-        for name, held in self.held.items():
-            stop = start + int(np.count_nonzero(~held)) * steps[name].shape[1]
-            steps[name][~held] = column[start:stop].reshape(-1, steps[name].shape[1])
-            start = stop
-        energy = 0.0
-        for factors in self.graph.factors:
-            names = [kind.name for kind in factors.kind.variables]
-            jacobians = factors.linearize(self.graph.values)[1]
-            moved = np.zeros(jacobians[0].shape[:2])
-            for slot, (name, jacobian) in enumerate(zip(names, jacobians, strict=True)):
-                moved += np.matvec(jacobian, steps[name][factors.indices[:, slot]])
-            energy += float(np.vecdot(moved, np.matvec(factors.information, moved)).sum())
-        return bool(abs(energy - column[scalar]) <= _ENERGY * column[scalar])
 
     def marginals(self) -> dict[str, Array]:
         """Marginal covariances (n, d, d) of all variables, by the name of their kind.

@@ -25,6 +25,7 @@ from slamcli.models.base import Array, dot
 from slamcli.solver import gauge, ordering
 from slamcli.solver.backends import NotPositiveDefiniteError
 from slamcli.solver.backends.cholmod import supernodal_factor
+from slamcli.solver.covariance.rounding import regular_by_rounding
 from slamcli.solver.covariance.selected_inverse import selected_inverse
 from slamcli.solver.gauge import Held
 from slamcli.solver.marginalization.reduction import Reduction
@@ -92,14 +93,16 @@ def compare(graph: FactorGraph, reduction: Reduction) -> Comparison | None:
     try:
         step = full.solve(there)
         difference = small.solve(here) - step[index]
-        variances = selected_inverse(full.pattern, full.permutation, there.hessian)[full.pattern.diagonal][index]
+        inverse = selected_inverse(full.pattern, full.permutation, there.hessian)
+        if regular_by_rounding(graph, held, full, there, inverse):
+            return None
         if len(index) <= LARGEST:
             marginal = _marginal_factor(full, there.hessian, index)
             dense = _compare_dense(reduced, own, small.pattern, here.hessian, marginal, difference)
     except (NotPositiveDefiniteError, np.linalg.LinAlgError):
         return None
     moved = np.sqrt(_positions(reduced, own, np.square(difference)))
-    sigmas = np.sqrt(_positions(reduced, own, variances))
+    sigmas = np.sqrt(_positions(reduced, own, inverse[full.pattern.diagonal][index]))
     return Comparison(
         divergence=dense[0],
         dimension=len(index),

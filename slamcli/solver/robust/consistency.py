@@ -178,11 +178,17 @@ def _squared(error: Array, covariance: Array) -> Array:
     return np.abs(np.vecdot(error, solved))
 
 
+def _mean_information(information: Array) -> Array:
+    """Mean (m,) of the diagonal of information matrices (m, d, d)."""
+    return np.trace(information, axis1=1, axis2=2) / information.shape[-1]
+
+
 def _covariance(information: Array) -> Array:
     """Covariances (m, d, d) in the tangent space of exp: a quaternion's vector part is half a rotation vector."""
     d = information.shape[-1]
-    mean = np.trace(information, axis1=1, axis2=2)[:, None, None] / d
-    floor = _FLOOR * np.abs(mean) + np.finfo(np.float64).tiny
+    mean = np.abs(_mean_information(information))
+    least = _FLOOR * (float(mean.max(initial=0.0)) or 1.0)  # what has no information at all contradicts nothing
+    floor = _FLOOR * np.maximum(mean, least)[:, None, None]
     scale = np.ones(d) if d == se2.DIM else np.repeat([1.0, 2.0], 3)
     return scale[:, None] * np.linalg.inv(information + floor * np.eye(d)) * scale
 
@@ -209,11 +215,15 @@ def _odometry(closures: Closures, column: Variables) -> tuple[Array, Array, Bool
     driven = np.zeros(count, dtype=bool)
     for factors, mask in zip(closures.graph.factors, closures.masks, strict=True):
         if factors.kind.relative_pose and factors.kind.variables[0] is column.kind:
-            rows = np.flatnonzero(~mask & (factors.indices[:, 0] != factors.indices[:, 1]))
+            mean = _mean_information(factors.information)
+            says_something = mean > _FLOOR * mean.max(initial=0.0)  # prefix sums would drown in the noise of others
+            rows = np.flatnonzero(~mask & (factors.indices[:, 0] != factors.indices[:, 1]) & says_something)
             z, covariance, rank = _forward(
                 column, factors.measurements[rows], factors.information[rows], factors.indices[rows]
             )
-            steps[rank[:, 0]], noise[rank[:, 0]], driven[rank[:, 0]] = z, covariance, True
+            best = np.lexsort((*z.T, mean[rows]))  # of parallel ones the most informative, written last
+            at = rank[best, 0]
+            steps[at], noise[at], driven[at] = z[best], covariance[best], True
     return steps, noise, driven
 
 

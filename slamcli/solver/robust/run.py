@@ -14,9 +14,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from slamcli.errors import NumericalError
+from slamcli.errors import InputError, NumericalError
 from slamcli.graph import FactorGraph
 from slamcli.graph.columns import BoolArray, Values
+from slamcli.models import SWITCH
 from slamcli.models.base import Array
 from slamcli.solver import diagnosis, gauge
 from slamcli.solver.attempt import OnIteration
@@ -49,7 +50,15 @@ def run(
 
     The result's graph has all factors; ``final_chi2`` and ``dof`` are those of the factors that are kept, and
     ``rejection`` says which these are. (With ``switchable``, ``final_chi2`` is the cost that was minimized.)
+
+    Raises
+    ------
+    InputError
+        If the graph has switches of its own.
     """
+    if SWITCH.name in graph.variables:
+        hint = ("  without --robust its switches are optimized along with the poses",)
+        raise InputError("the graph has switchable loop closures: --robust has nothing to decide about them", hint)
     graph = graph.with_fixed(options.fix)
     closures = Closures.of(graph)
     _, held = gauge.choose(graph)
