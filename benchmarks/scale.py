@@ -38,8 +38,6 @@ def simulate(poses: int, path: Path) -> None:
     for setting in settings:
         words += ["--set", setting]
     subprocess.run(words, check=True)
-    text = path.read_text()  # GTSAM's reader finds no edges behind a comment
-    path.write_text("".join(line for line in text.splitlines(keepends=True) if not line.startswith("#")))
 
 
 def run_slamcli(path: str, ordering: str, result: str) -> dict[str, float]:

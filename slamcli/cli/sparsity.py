@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from typing import Any
@@ -20,8 +21,8 @@ Examples:
   slamcli sparsity graph.g2o --tree tree.png --time-limit 0
 
 \b
-Exit codes: 0 success, 2 usage, 3 invalid input; no picture is written unless the
-code is 0.
+Exit codes: 0 success, 2 usage, 3 invalid input; pictures are written when all of
+them are drawn.
 """
 
 
@@ -76,6 +77,8 @@ def command(input: str, **given: Any) -> int:
     measured times are CHOLMOD's on a matrix with the pattern of H.
     """
     check_outputs(given, ("spy", "tree"), json=given["json"], inputs=[input])
+    if math.isnan(given["time_limit"]):  # which no range excludes
+        raise UsageError("--time-limit must be a number of seconds, got nan")
     closures = [_pair(text) for text in given["add_closure"]]
     formats = _formats(given)
     from slamcli.cli.process import progress
@@ -135,11 +138,13 @@ def _draw(comparison: Any, formats: dict[str, str], given: dict[str, Any]) -> di
     from slamcli.reporting.plots.style import FigureOptions, house_style
 
     options = FigureOptions(title=given["title"], dpi=given["dpi"])
+    drawn: dict[str, bytes] = {}
     for name, kind in formats.items():
         with house_style():
             figure = {"spy": draw_spy, "tree": draw_trees}[name](comparison, options)
-            data, notes = render(figure, kind, given["dpi"])
+            drawn[name], notes = render(figure, kind, given["dpi"])
         warn(notes)
+    for name, data in drawn.items():
         write_bytes(given[name], data)
     return {name: given[name] for name in formats}
 

@@ -10,8 +10,7 @@ from slamcli.filtering.result import EkfResult
 from slamcli.graph import FactorGraph, Variables
 from slamcli.graph.columns import IdArray
 from slamcli.graph.trajectory import Trajectory
-from slamcli.models import SE2, XY, VariableKind
-from slamcli.models.base import Array
+from slamcli.models import SE2, XY
 
 _LARGEST = 2**63 - 1
 
@@ -22,9 +21,9 @@ def estimated_graph(result: EkfResult) -> FactorGraph:
     Landmarks have the ids of the log; those without one, and further ones with an id that is taken, get new ids, which
     neither the log nor its truth has (the smallest that the graph does not have, where there is nothing above those).
     """
-    variables = {SE2.name: _column(SE2, result.ids, result.poses)}
+    variables = {SE2.name: Variables.made(SE2, result.ids, result.poses)}
     if len(result.landmarks):
-        variables[XY.name] = _column(XY, landmark_ids(result), result.landmarks.positions)
+        variables[XY.name] = Variables.made(XY, landmark_ids(result), result.landmarks.positions)
     return FactorGraph(variables, [])
 
 
@@ -47,15 +46,3 @@ def landmark_ids(result: EkfResult) -> IdArray:
     else:
         ids[unnamed] = new + np.arange(count)
     return ids
-
-
-def _column(kind: VariableKind, ids: IdArray, values: Array) -> Variables:
-    count = len(ids)
-    return Variables(
-        kind=kind,
-        ids=ids,
-        values=values,
-        fixed=np.zeros(count, dtype=bool),
-        known=np.ones(count, dtype=bool),
-        lines=np.zeros(count, dtype=np.intp),
-    )

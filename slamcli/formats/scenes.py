@@ -10,7 +10,6 @@ from slamcli import models
 from slamcli.errors import InputError
 from slamcli.graph import Document, FactorGraph, Factors, ReadingReport, Variables
 from slamcli.graph.columns import IdArray, IndexArray
-from slamcli.models import VariableKind
 from slamcli.models.base import Array
 
 
@@ -62,7 +61,7 @@ def graph(
     if len(cameras) + len(points) == 0:
         raise InputError(f"{source.path}: holds no camera and no point")
     columns = {
-        kind.name: _column(kind, ids, values)
+        kind.name: Variables.made(kind, ids, values)
         for kind, ids, values in ((models.CAMERA, camera_ids, cameras), (models.XYZ, point_ids, points))
         if len(ids)
     }
@@ -86,18 +85,6 @@ def graph(
     out = FactorGraph(columns, factors, {}, document, report)
     report.notes += _oddities(out)
     return out
-
-
-def _column(kind: VariableKind, ids: IdArray, values: Array) -> Variables:
-    count = len(ids)
-    return Variables(
-        kind=kind,
-        ids=ids,
-        values=values,
-        fixed=np.zeros(count, dtype=bool),
-        known=np.ones(count, dtype=bool),
-        lines=np.zeros(count, dtype=np.intp),
-    )
 
 
 def _oddities(scene: FactorGraph) -> list[str]:

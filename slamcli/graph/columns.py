@@ -56,6 +56,13 @@ class Variables:
     known: BoolArray
     lines: IndexArray
 
+    @classmethod
+    def made(cls, kind: VariableKind, ids: IdArray, values: Array) -> Variables:
+        """A column of variables that come from no file, none of them held."""
+        count = len(ids)
+        free, known = np.zeros(count, dtype=bool), np.ones(count, dtype=bool)
+        return cls(kind, ids, values, free, known, np.zeros(count, dtype=np.intp))
+
     def __len__(self) -> int:
         return len(self.ids)
 

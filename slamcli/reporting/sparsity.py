@@ -27,11 +27,14 @@ def sparsity_summary(
     listed = ", ".join(str(i) for i in held[:8]) + (", ..." if len(held) > 8 else "")
     kinds = kind_counts(comparison)
     parts = [f"{kinds['pose']} of poses and odometry", f"{kinds['closure']} of loop closures"]
+    others = " and ".join(["landmarks"] * (source.landmarks > 0) + ["switches"] * (source.switches > 0))
     if kinds["landmark"]:
-        parts.append(f"{kinds['landmark']} with landmarks")
-    landmarks = f", {plural(source.landmarks, 'landmark')}" if source.landmarks else ""
+        parts.append(f"{kinds['landmark']} with {others}")
+    listed_others = f", {plural(source.landmarks, 'landmark')}" if source.landmarks else ""
+    if source.switches:
+        listed_others += f", {source.switches} switch{'es' * (source.switches != 1)}"
     rows = [
-        ("graph", f"{source.space}-D, {plural(source.poses, 'pose')}{landmarks}, {plural(source.edges, 'edge')}"),
+        ("graph", f"{source.space}-D, {plural(source.poses, 'pose')}{listed_others}, {plural(source.edges, 'edge')}"),
         ("gauge", f"{comparison.gauge.reason}: {listed}" if held else comparison.gauge.reason),
         (
             "hessian",
@@ -45,8 +48,9 @@ def sparsity_summary(
         rows.append(
             (
                 "reduced",
-                f"poses alone, {reduced.landmark_dimension} rows of landmarks eliminated: {reduced.dimension} x "
-                f"{reduced.dimension}, {reduced.nnz} nonzeros in the triangle, {plural(reduced.blocks, 'block')}",
+                f"poses alone, {plural(reduced.landmark_dimension, 'row')} of {others} eliminated: "
+                f"{reduced.dimension} x {reduced.dimension}, {reduced.nnz} nonzeros in the triangle, "
+                f"{plural(reduced.blocks, 'block')}",
             )
         )
     if comparison.calibration is not None:

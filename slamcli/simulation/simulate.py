@@ -232,14 +232,8 @@ def _graph(poses: Array, landmarks: Array, factors: list[Factors], decimals: int
         count = len(values)
         if count == 0:
             continue
-        variables[kind.name] = Variables(
-            kind=kind,
-            ids=np.arange(first, first + count),
-            values=_round(np.asarray(values), decimals),
-            fixed=np.zeros(count, dtype=bool),
-            known=np.ones(count, dtype=bool),
-            lines=np.zeros(count, dtype=np.intp),
-        )
+        ids = np.arange(first, first + count)
+        variables[kind.name] = Variables.made(kind, ids, _round(np.asarray(values), decimals))
         first += count
     needs_offset = any(column.kind.parameter is not None for column in factors)
     return FactorGraph(variables, factors, {0: np.array(SE3.identity)} if needs_offset else {})

@@ -66,7 +66,7 @@ class Attempt:
         self._began = began
         self.now: LinearSystem = problem.linearize(start.values)
         self.initial = self.now.chi2
-        self._termination = Termination(options, self.initial)
+        self._termination = Termination(options, self.initial, problem.rounding(start.values))
         on_iteration(start.name, self.initial, None)
         if not self.now.is_finite:
             self._fail(partial(_not_finite, system=self.now))

@@ -117,6 +117,21 @@ class Linearizer:
                 for factors, loss, batches in zip(self.graph.factors, self.losses, self._grouped, strict=True)
             )
 
+    def rounding(self, values: Values) -> float:
+        """chi2 of residuals that are rounding alone: sum tr(Omega) (eps x)^2, x the largest value an edge depends on.
+
+        Matters where all edges can be satisfied: chi2 then ends at rounding, and its changes are no share of it.
+        """
+        total = 0.0
+        with np.errstate(over="ignore", invalid="ignore"):
+            size = {name: np.abs(column).max(axis=1, initial=0.0) for name, column in values.items()}
+            for factors in self.graph.factors:
+                slots = enumerate(factors.kind.variables)
+                largest = np.max([size[kind.name][factors.indices[:, slot]] for slot, kind in slots], axis=0)
+                weight = np.abs(np.trace(factors.information, axis1=1, axis2=2))
+                total += float((weight * np.square(np.finfo(np.float64).eps * largest)).sum())
+        return total if np.isfinite(total) else 0.0
+
     def retract(self, values: Values, delta: Array) -> Values:
         """The state after a tangent step (dimension,) of the free variables."""
         out, start = dict(values), 0

@@ -90,6 +90,10 @@ class Problem:
         """chi2 at a state."""
         return self._linearizer.chi2(values)
 
+    def rounding(self, values: Values) -> float:
+        """See ``Linearizer.rounding``."""
+        return self._linearizer.rounding(values)
+
     def retract(self, values: Values, delta: Array) -> Values:
         """The state after a tangent step."""
         return self._linearizer.retract(values, delta)

@@ -44,11 +44,13 @@ class Termination:
         Tolerance and budgets.
     initial_chi2
         At the start.
+    floor
+        chi2 of residuals that are rounding alone (see ``Problem.rounding``).
     """
 
-    def __init__(self, options: OptimizeOptions, initial_chi2: float) -> None:
+    def __init__(self, options: OptimizeOptions, initial_chi2: float, floor: float = 0.0) -> None:
         self._options = options
-        self._initial = initial_chi2
+        self._least = max(_ROUNDING_AT_START * initial_chi2, floor)
         self._previous = 0.0
 
     def at_start(self, gradient_norm: float) -> Verdict | None:
@@ -84,7 +86,7 @@ class Termination:
     def _confirmed(self, verdict: Verdict, step: Step, full: FullStep) -> Verdict | None:
         """The verdict on damped steps in the light of what the full step promises."""
         chi2 = step.system.chi2
-        least = max(_CONFIRM * self._options.tolerance * chi2, _ROUNDING * chi2, _ROUNDING_AT_START * self._initial)
+        least = max(_CONFIRM * self._options.tolerance * chi2, _ROUNDING * chi2, self._least)
         # no step gains more than all of chi2
         if min(full.decrease, chi2) <= least or full.largest <= _SMALLEST_STEP:
             more = "; H is singular: other minima are as good" if full.singular else ""
@@ -101,7 +103,7 @@ class Termination:
             return Verdict(Status.CONVERGED, f"no step lowers chi2 after {step.trials} trials, and none promises to")
         if step.largest <= _SMALLEST_STEP:
             return Verdict(Status.CONVERGED, f"no variable moved by more than {_SMALLEST_STEP:g}")
-        if abs(decrease) <= max(_ROUNDING * chi2, _ROUNDING_AT_START * self._initial):
+        if abs(decrease) <= max(_ROUNDING * chi2, self._least):
             return Verdict(Status.CONVERGED, "chi2 changes by no more than rounding")
         if abs(decrease) <= tolerance * chi2:
             share = abs(decrease) / chi2

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 from matplotlib.collections import LineCollection, PathCollection
-from support import BUNDLED
+from support import BUNDLED, write_file
 
 import slamcli
 from slamcli.cli.main import main
@@ -192,3 +193,62 @@ def test_the_same_input_gives_the_same_bytes(tmp_path) -> None:
         assert main([*words, "--spy", str(tmp_path / name), "--tree", str(tmp_path / f"tree_{name}")]) == 0
     assert (tmp_path / "a.svg").read_bytes() == (tmp_path / "b.svg").read_bytes()
     assert (tmp_path / "tree_a.svg").read_bytes() == (tmp_path / "tree_b.svg").read_bytes()
+
+
+TWO = """\
+VERTEX_SE2 0 0 0 0
+VERTEX_SE2 1 1 0 0
+EDGE_SE2 0 1 1 0 0 1 0 0 1 0 1
+"""
+SWITCHED = """\
+VERTEX_SE2 0 0 0 0
+VERTEX_SE2 1 1 0 0
+VERTEX_SE2 2 1 1 1.5
+VERTEX_SWITCH 3 1
+EDGE_SE2 0 1 1 0 0 10 0 0 10 0 10
+EDGE_SE2 1 2 0 1 1.5 10 0 0 10 0 10
+EDGE_SE2_SWITCHABLE 0 2 3 1 1 1.5 10 0 0 10 0 10
+EDGE_SWITCH_PRIOR 3 1.0 1.0
+"""
+
+
+def test_the_tree_of_one_variable_has_whole_depths(tmp_path: Path) -> None:
+    found = compare(slamcli.read(str(write_file(tmp_path, TWO))), "amd", time_limit=0.0)
+    figure = draw_trees(found)
+    figure.canvas.draw()
+    for axes in figure.axes:
+        ticks = axes.get_yticks()
+        np.testing.assert_array_equal(ticks, np.round(ticks))
+    assert "1 block variable" in figure.get_suptitle()
+    assert "1 block column," in figure.axes[0].get_xlabel()
+    assert "variables" not in figure.get_suptitle() + draw_spy(found).get_suptitle()
+
+
+def test_switches_are_not_called_landmarks(tmp_path: Path) -> None:
+    graph = slamcli.read(str(write_file(tmp_path, SWITCHED)))
+    text = "\n".join(sparsity_summary(graph, analyze(graph), compare(graph, "amd", time_limit=0.0), {}))
+    assert "3 poses, 1 switch, 4 edges" in text
+    assert "2 with switches" in text
+    assert "1 row of switches eliminated" in text
+    assert "landmark" not in text
+
+
+def test_no_picture_is_written_before_all_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As when drawing the second one is interrupted."""
+
+    def interrupted(*given: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("slamcli.reporting.plots.elimination_trees.draw_trees", interrupted)
+    source, first, second = write_file(tmp_path, TWO), tmp_path / "spy.png", tmp_path / "tree.png"
+    words = ["sparsity", str(source), "--orderings", "amd", "--time-limit", "0"]
+    assert main([*words, "--spy", str(first), "--tree", str(second)]) == 130
+    assert not first.exists()
+    assert not second.exists()
+
+
+def test_a_single_order_has_a_pixel_for_each_of_some_hundred_blocks() -> None:
+    figure = draw_spy(compare(MANHATTAN, "amd", time_limit=0.0))
+    assert [len(image) for image in panels(figure)] == [399, 399]
+    figure.canvas.draw()
+    assert all(axes.get_window_extent().width * 150 / figure.dpi > 399 for axes in figure.axes)

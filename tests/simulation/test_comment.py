@@ -28,7 +28,7 @@ def test_the_comment_is_the_last_line(tmp_path: Path) -> None:
 def test_records_that_are_added_come_before_it(tmp_path: Path) -> None:
     """Also those of a command that edits the text."""
     source, spoiled = simulated("manhattan", tmp_path / "made.g2o"), tmp_path / "spoiled.g2o"
-    assert main(["inject", str(source), "--count", "3", "--seed", "1", "-q", "-o", str(spoiled)]) == 0
+    assert main(["inject", str(source), "--false-closures", "3", "--seed", "1", "-q", "-o", str(spoiled)]) == 0
     before, after = lines_of(source), lines_of(spoiled)
     assert after[: len(before) - 1] == before[:-1]
     assert after[-1] == before[-1]
@@ -48,7 +48,7 @@ def test_gtsam_reads_all_edges(world: str, spatial: bool, tmp_path: Path) -> Non
 def test_gtsam_reads_all_edges_of_an_injected_graph(tmp_path: Path) -> None:
     gtsam = pytest.importorskip("gtsam")
     source, spoiled = simulated("manhattan", tmp_path / "made.g2o"), tmp_path / "spoiled.g2o"
-    assert main(["inject", str(source), "--count", "3", "--seed", "1", "-q", "-o", str(spoiled)]) == 0
+    assert main(["inject", str(source), "--false-closures", "3", "--seed", "1", "-q", "-o", str(spoiled)]) == 0
     factors, _ = gtsam.readG2o(str(spoiled), False)
     assert factors.size() == read(str(spoiled)).edges
 

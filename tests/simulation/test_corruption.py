@@ -75,7 +75,8 @@ def test_labels_match_the_written_file(
     assert sum(int(mask.sum()) for mask in masks) == (false or 0) + (odometry or 0) == injected.outlier_count
     assert again.edges == graph.edges + (false or 0) - min(gone or 0, closures)
     if gone is None and (scale in (None, 1.0)) and sigma is None:
-        original, now = (BUNDLED / name).read_bytes().splitlines(), text.splitlines()
+        lines = (BUNDLED / name).read_bytes().splitlines(), text.splitlines()
+        original, now = ([line for line in part if not line.startswith(b"#")] for part in lines)  # they stand last
         changed = {k + 1 for k in range(len(original)) if original[k] != now[k]}
         marked = {int(n) for f, m in zip(again.factors, masks, strict=True) for n in f.lines[m]}
         assert marked == changed | set(range(len(original) + 1, len(now) + 1))

@@ -8,6 +8,8 @@ from graphs import BUNDLED_NAMES, bundled, from_file, points
 from support import dataset
 
 import slamcli
+from slamcli.graph import FactorGraph, Factors, Variables
+from slamcli.models import RELATIVE_POSE_2D, SE2
 from slamcli.models.base import Array
 from slamcli.solver.linear_system import LinearSystem
 from slamcli.solver.policies import automatic
@@ -128,7 +130,7 @@ def test_slow_tails_are_accelerated(path: str, best: float, plain: int) -> None:
     found = slamcli.optimize(graph, init="chordal")
     assert found.status is Status.CONVERGED
     assert found.final_chi2 == pytest.approx(best, rel=1e-6)
-    assert found.iterations < 0.5 * plain
+    assert found.iterations <= 0.5 * plain
     assert slamcli.optimize(graph, init="chordal", method="gn", max_iterations=plain).status is Status.NOT_CONVERGED
 
 
@@ -142,3 +144,18 @@ def test_falls_back_where_gauss_newton_never_comes_down() -> None:
     result = from_file(graph, method="auto", max_iterations=300)
     assert result.status is Status.CONVERGED
     assert result.final_chi2 < result.initial_chi2
+
+
+@pytest.mark.parametrize("method", ["auto", "gn", "lm", "dogleg"])
+def test_a_chain_without_closures_converges_although_chi2_is_rounding(method: str) -> None:
+    """Its chi2 is zero but for rounding, of which no decrease is a small share."""
+    steps, rng = 3000, np.random.default_rng(0)
+    z = np.column_stack([np.ones(steps), np.zeros(steps), 0.1 * rng.standard_normal(steps)])
+    pairs = np.column_stack([np.arange(steps), np.arange(1, steps + 1)])
+    zeros = np.zeros(steps + 1, dtype=np.intp)
+    poses = Variables(SE2, np.arange(steps + 1), np.zeros((steps + 1, 3)), zeros > 0, zeros > 0, zeros)
+    edges = Factors(RELATIVE_POSE_2D, pairs, z, np.tile(100.0 * np.eye(3), (steps, 1, 1)))
+    result = slamcli.optimize(FactorGraph({"SE2": poses}, [edges]), method=method, init="chordal")
+    assert result.status is Status.CONVERGED
+    assert len(result.trace) <= 3
+    assert result.final_chi2 < 1e-12

@@ -351,3 +351,11 @@ def test_changes_that_make_no_sense() -> None:
         change(graph, held, pattern, [(1, 99)], [])
     with pytest.raises(UsageError, match="variable 0 is held"):
         change(graph, held, pattern, [], [0])
+
+
+def test_an_id_of_two_variables_is_refused(tmp_path: Path) -> None:
+    text = "VERTEX_SE2 0 0 0 0\nVERTEX_SE2 1 1 0 0\nVERTEX_XY 1 2 0\nEDGE_SE2 0 1 1 0 0 1 0 0 1 0 1\n"
+    graph = slamcli.read(str(write_file(tmp_path, text + "EDGE_SE2_XY 0 1 2 0 1 0 1\n")))
+    held, pattern = structure(graph)
+    with pytest.raises(UsageError, match="2 variables have the id 1: SE2, XY"):
+        change(graph, held, pattern, [], [1])

@@ -8,11 +8,13 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from slamcli.graph.columns import IndexArray
 from slamcli.models.base import Array
 from slamcli.reporting.plots import style
 from slamcli.reporting.plots.style import FigureOptions
+from slamcli.reporting.text import plural
 from slamcli.solver.ordering.comparison import Comparison
 from slamcli.solver.symbolic import SymbolicAnalysis, supernodes
 from slamcli.solver.symbolic.elimination_tree import depths, postorder
@@ -61,9 +63,11 @@ def draw_trees(comparison: Comparison, options: FigureOptions | None = None) -> 
         axes.invert_yaxis()
         axes.set_xticks([])
         axes.margins(0.06)
+        if depth.max() == 1:  # the limits of one depth would be fractions
+            axes.set_ylim(2.0, 0.0)
         axes.locator_params(axis="y", nbins=6, integer=True)
         name = cost.name if cost.name == cost.found else f"{cost.name} ({cost.found})"
-        kind = "block columns" if len(comparison.ids) <= _SMALL else "supernodes"
+        kind = ("block column" if len(comparison.ids) <= _SMALL else "supernode") + "s" * (len(x) != 1)
         axes.set_title(style.plain(name), loc="left", fontsize=10.0, color=style.INK)
         tall = f"{style.number(len(x))} {kind}, height {int(depth.max())}"
         axes.set_xlabel(tall, fontsize=8.0, color=style.GREY)
@@ -71,9 +75,12 @@ def draw_trees(comparison: Comparison, options: FigureOptions | None = None) -> 
         axes.set_ylabel("depth below the root" if number == 1 else "depth", fontsize=8.0)
     mappable = grid[0].collections[-1]
     bar = figure.colorbar(mappable, ax=list(grid[:number]), shrink=0.7, aspect=30, pad=0.02)
+    if not isinstance(scale, LogNorm):  # rows are whole
+        bar.locator = MaxNLocator(nbins=6, integer=True)
+        bar.update_ticks()
     bar.set_label("scalar rows of the front")
     if options.title is None or options.title:
-        title = options.title or f"Elimination trees, {len(comparison.ids)} block variables"
+        title = options.title or f"Elimination trees, {plural(len(comparison.ids), 'block variable')}"
         figure.suptitle(style.plain(title), x=0.01, ha="left", fontweight="bold", color=style.INK)
     return figure
 

@@ -46,7 +46,7 @@ _WEIGHT = {POSE: 4.0, LANDMARK: 4.0, CLOSURE: 6.0, FILL: 1.0, APPEARED: 1e6, GON
 _FAINTEST, _RISE = 0.45, 0.4
 #: A factor with more blocks is not drawn, one with more is not compared block by block.
 _MOST, _MOST_COMPARED = 60_000_000, 20_000_000
-_PANEL = 2.7  # inches
+_PANEL, _ALONE = 2.7, 4.2  # inches, among others and of a single order
 _ACROSS = 4
 #: Below this many blocks, those that appear need no larger dots to be seen.
 _SMALL = 150
@@ -66,7 +66,8 @@ def draw_spy(comparison: Comparison, options: FigureOptions | None = None) -> Fi
     number = len(comparison.orders)
     across = min(number, _ACROSS)
     tiers = -(-number // across)
-    size = options.size or (0.55 + _PANEL * max(across, 1.6), 0.9 + tiers * (2.0 * _PANEL - 0.05))
+    panel = _PANEL if number > 1 else _ALONE
+    size = options.size or (0.55 + panel * max(across, 1.15), 0.9 + tiers * (2.0 * panel - 0.05))
     figure = style.new_figure(size)
     grid = figure.subplots(2 * tiers, across, squeeze=False)
     pixels = int(min(size[0] / across, size[1] / (2 * tiers)) * 0.8 * options.dpi)
@@ -227,8 +228,8 @@ def _subtitle(cost: OrderCost) -> str:
 
 def _title(comparison: Comparison) -> str:
     pattern = comparison.pattern
-    variables = style.number(len(pattern.sizes))
-    return f"H and L, {variables} block variables, {style.number(pattern.dimension)} columns"
+    variables = f"{style.number(len(pattern.sizes))} block variable{'s' * (len(pattern.sizes) != 1)}"
+    return f"H and L, {variables}, {style.number(pattern.dimension)} columns"
 
 
 def _large(number: int) -> str:

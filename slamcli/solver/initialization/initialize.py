@@ -137,16 +137,7 @@ def _odometry_first(
     """The edges of a forest that takes the edges between neighbouring ids before all others (Kruskal)."""
     off_chain = np.abs(rank[first] - rank[second]) != 1
     order = np.argsort(off_chain, kind="stable")
-    root = list(range(len(rank)))
-    chosen = []
-    for k, a, b in zip(order.tolist(), first[order].tolist(), second[order].tolist(), strict=True):
-        while root[a] != a:
-            root[a] = a = root[root[a]]
-        while root[b] != b:
-            root[b] = b = root[root[b]]
-        if a != b:
-            root[a] = b
-            chosen.append(k)
+    chosen = order[spanning_tree.kruskal(len(rank), first[order], second[order])]
     return first[chosen], second[chosen], relative[chosen]
 
 

@@ -110,3 +110,18 @@ def _next_seed(parent: list[int], seeds: Iterator[int]) -> list[int]:
         return []
     parent[seed] = seed
     return [seed]
+
+
+def kruskal(nodes: int, first: IndexArray, second: IndexArray) -> list[int]:
+    """The edges of a forest that takes them in their order, leaving out those that close a cycle."""
+    root = list(range(nodes))
+    chosen = []
+    for k, (a, b) in enumerate(zip(first.tolist(), second.tolist(), strict=True)):
+        while root[a] != a:
+            root[a] = a = root[root[a]]
+        while root[b] != b:
+            root[b] = b = root[root[b]]
+        if a != b:
+            root[a] = b
+            chosen.append(k)
+    return chosen

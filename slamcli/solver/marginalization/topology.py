@@ -8,6 +8,7 @@ import numpy as np
 
 from slamcli.graph.columns import BoolArray, IndexArray
 from slamcli.models.base import Array
+from slamcli.solver.initialization.spanning_tree import kruskal
 from slamcli.solver.marginalization.descent import padded_inverse, total
 from slamcli.solver.marginalization.links import Links
 from slamcli.solver.marginalization.nodes import Nodes
@@ -26,7 +27,7 @@ def spanning_tree(
     inner = is_pose if is_pose.any() else ~is_pose
     ends, weights, origin = _flattened(links, covariances, count)
     joins_inner = np.append(inner, True)[ends].all(axis=1)
-    picked: list[int] = _kruskal(ends, weights, np.flatnonzero(joins_inner), count + 1)
+    picked = _kruskal(ends, weights, np.flatnonzero(joins_inner), count + 1).tolist()
     leaves = np.flatnonzero(~inner)
     if len(leaves):
         rest = np.flatnonzero(~joins_inner)
@@ -78,19 +79,10 @@ def _flattened(links: list[Links], covariances: list[Array], world: int) -> tupl
     return np.concatenate(ends), np.concatenate(weights), np.concatenate(origin)
 
 
-def _kruskal(ends: IndexArray, weights: Array, allowed: IndexArray, nodes: int) -> list[int]:
-    root = list(range(nodes))
-    picked = []
+def _kruskal(ends: IndexArray, weights: Array, allowed: IndexArray, nodes: int) -> IndexArray:
+    """Of the allowed links those of the lightest forest."""
     ordered = allowed[np.argsort(weights[allowed], kind="stable")]
-    for link, (a, b) in zip(ordered.tolist(), ends[ordered].tolist(), strict=True):
-        while root[a] != a:
-            root[a] = a = root[root[a]]
-        while root[b] != b:
-            root[b] = b = root[root[b]]
-        if a != b:
-            root[a] = b
-            picked.append(link)
-    return picked
+    return ordered[kruskal(nodes, *ends[ordered].T)]
 
 
 def _masks(links: list[Links], origin: IndexArray, picked: list[int]) -> list[BoolArray]:

@@ -66,16 +66,18 @@ def change(
     Raises
     ------
     UsageError
-        If there is no variable with such an id, or one that is held is to be marginalized out.
+        If there is no variable with such an id, or more than one, or one that is held is to be marginalized out.
     """
     count = len(pattern.sizes)
     low, high = edges(pattern)
-    blocks = np.array([[_block(graph, held, i) for i in pair] for pair in closures], dtype=np.intp).reshape(-1, 2)
+    blocks = np.array(
+        [[_block(graph, held, i, "--add-closure") for i in pair] for pair in closures], dtype=np.intp
+    ).reshape(-1, 2)
     blocks = np.sort(blocks[(blocks >= 0).all(axis=1)], axis=1)  # a closure with what is held adds no block
     low, high = np.concatenate([low, blocks[:, 0]]), np.concatenate([high, blocks[:, 1]])
     gone = np.zeros(count, dtype=bool)
     for wanted in marginalized:
-        block = _block(graph, held, wanted)
+        block = _block(graph, held, wanted, "--marginalize")
         if block < 0:
             raise UsageError(f"variable {wanted} is held (the gauge): it is not part of H", ("  --fix another one",))
         gone[block] = True
@@ -119,11 +121,14 @@ def _pattern(pattern: BlockPattern, low: IndexArray, high: IndexArray) -> BlockP
     return BlockPattern(pattern.sizes, rows, columns, pattern.pose_rank)
 
 
-def _block(graph: FactorGraph, held: Held, wanted: int) -> int:
+def _block(graph: FactorGraph, held: Held, wanted: int, option: str) -> int:
     """Number of the block of a variable, -1 if it is held."""
     number, _ = block_numbers(graph, held)
-    for name, column in graph.variables.items():
-        row = column.row_of(wanted)
-        if row >= 0:
-            return int(number[name][row])
-    raise UsageError(f"no variable has the id {wanted}")
+    rows = {name: column.row_of(wanted) for name, column in graph.variables.items()}
+    found = [name for name, row in rows.items() if row >= 0]
+    if not found:
+        ids = ", ".join(f"{n} {c.ids.min()} to {c.ids.max()}" for n, c in graph.variables.items() if len(c))
+        raise UsageError(f"{option}: no variable has the id {wanted}", (f"  ids in this graph: {ids}",))
+    if len(found) > 1:
+        raise UsageError(f"{option}: {len(found)} variables have the id {wanted}: {', '.join(found)}")
+    return int(number[found[0]][rows[found[0]]])

@@ -81,14 +81,7 @@ def with_switches(graph: FactorGraph, closures: Sequence[BoolArray], information
         count += len(part)
     if count == 0:
         return graph
-    new = Variables(
-        kind=SWITCH,
-        ids=_unused_ids(graph, count),
-        values=np.ones((count, 1)),
-        fixed=np.zeros(count, dtype=bool),
-        known=np.ones(count, dtype=bool),
-        lines=np.zeros(count, dtype=np.intp),
-    )
+    new = Variables.made(SWITCH, _unused_ids(graph, count), np.ones((count, 1)))
     prior = Factors(
         kind=SWITCH_PRIOR,
         indices=first + np.arange(count)[:, None],
