@@ -173,9 +173,9 @@ def _check_format(given: dict[str, Any]) -> None:
 
 def check_covariances(path: str | None, graph: Any) -> None:
     """Refuse a name that no format has, and a CSV file for several kinds of variables; None is no file."""
-    from slamcli.formats.covariance_files import require_one_size
-
     if path:
+        from slamcli.formats.covariance_files import require_one_size
+
         kinds = [column.kind for column in graph.variables.values() if len(column) and column.kind.space]
         require_one_size(path, {kind.name: kind.dimension for kind in kinds})
 

@@ -85,12 +85,8 @@ def command(context: click.Context, /, input: str, **given: Any) -> int:
 
 
 def _optimize(path: str, options: OptimizeOptions, given: dict[str, Any]) -> int:
-    from slamcli.evaluation.reprojection import reprojection
     from slamcli.formats import read
-    from slamcli.graph import analyze
-    from slamcli.reporting import optimization, summaries
-    from slamcli.reporting import rejection as rejections
-    from slamcli.reporting import reprojection as pixels
+    from slamcli.reporting import summaries
     from slamcli.solver.certificate import run
 
     times: dict[str, float] = {}
@@ -116,43 +112,68 @@ def _optimize(path: str, options: OptimizeOptions, given: dict[str, Any]) -> int
     times["iterate"] = sum(record.time for record in result.trace)
     times["certify"] = outcome.time
     times["setup"] = time.perf_counter() - started - times["load"] - times["iterate"] - times["certify"]
-    failed = result.exit_code == ExitCode.NUMERICAL_FAILURE
-    if failed:
+    if result.exit_code == ExitCode.NUMERICAL_FAILURE:
         print(f"error: {result.reason}", *(f"  {line}" for line in result.diagnosis), sep="\n", file=sys.stderr)
     before = time.perf_counter()
-    written = _write(result, given)
-    if given["trace"]:
-        _write_trace(graph, result, given["trace"])
-    if given["ply"] and not failed:
-        from slamcli.formats.ply import write_ply
-
-        write_ply(result.graph, given["ply"])
-    rejection, rejected = _rejected(result)
-    if rejection is not None:
-        warn(write_rejection(result, rejection, given))
+    rejection = _rejection(result)
+    written = _write_all(graph, result, rejection, given)
     times["write"] = time.perf_counter() - before if given["output"] or given["trace"] else 0.0
+    _report(graph, outcome, rejection, times, started, written, given)
+    if given["covariances"]:
+        write_covariances(result, given["covariances"])
+    return int(outcome.exit_code)
+
+
+def _report(
+    graph: Any,
+    outcome: Any,
+    rejection: Any,
+    times: dict[str, float],
+    started: float,
+    written: str,
+    given: dict[str, Any],
+) -> None:
+    """Print the document or the summary."""
+    from slamcli.graph import analyze
+    from slamcli.reporting import rejection as rejections
+    from slamcli.reporting import reprojection
+
     topology = analyze(graph)
     worst = _worst(outcome.minimized, given["worst"])
-    seen = reprojection(graph), reprojection(result.graph)
+    rejected = _rejected_edges(outcome.result, rejection)
+    seen = _reprojections(graph, outcome.result.graph)
     times["total"] = time.perf_counter() - started
     memory = peak_memory()
     if given["json"]:
-        from slamcli.reporting import documents
+        from slamcli.reporting import documents, optimization_documents
 
-        document = optimization.optimize_document(graph, topology, outcome, worst, times, memory)
+        document = optimization_documents.optimize_document(graph, topology, outcome, worst, times, memory)
         document["rejection"] = rejections.rejection_section(rejection, rejected)
-        document["reprojection"] = pixels.reprojection_section(*seen)
+        document["reprojection"] = reprojection.reprojection_section(*seen)
         print(documents.dumps(document))
     elif not given["quiet"]:
+        from slamcli.reporting import optimization
+
         out = sys.stderr if "-" in [given[name] for name in _OUTPUTS] else sys.stdout
         colour = use_color(given["color"], out)
         lines = optimization.optimize_summary(graph, topology, outcome, worst, times, memory, written, colour)
         lines += rejections.rejection_lines(rejection, rejected, given["rejected"])
-        lines += pixels.reprojection_lines(*seen)
+        lines += reprojection.reprojection_lines(*seen)
         print(*lines, sep="\n", file=out)
-    if given["covariances"]:
-        write_covariances(result, given["covariances"])
-    return int(outcome.exit_code)
+
+
+def _write_all(graph: Any, result: Any, rejection: Any, given: dict[str, Any]) -> str:
+    """Write what was asked for but covariances; say what came of the graph."""
+    written = _write(result, given)
+    if given["trace"]:
+        _write_trace(graph, result, given["trace"])
+    if given["ply"] and result.exit_code != ExitCode.NUMERICAL_FAILURE:
+        from slamcli.formats.ply import write_ply
+
+        write_ply(result.graph, given["ply"])
+    if rejection is not None:
+        warn(write_rejection(result, rejection, given))
+    return written
 
 
 def _write(result: Any, given: dict[str, Any]) -> str:
@@ -176,22 +197,40 @@ def _write(result: Any, given: dict[str, Any]) -> str:
 
 def _write_trace(graph: Any, result: Any, path: str) -> None:
     from slamcli.formats.source import write_bytes
-    from slamcli.reporting import documents, optimization
+    from slamcli.reporting import documents, optimization_documents
 
-    events = optimization.trace_events(graph, result.options, result)
+    events = optimization_documents.trace_events(graph, result.options, result)
     write_bytes(path, "".join(documents.dumps(event, indent=None) + "\n" for event in events).encode())
 
 
-def _rejected(result: Any) -> tuple[Any, list[Any]]:
-    """Which loop closures a robust run rejected; None and an empty list for other runs and where there is no result."""
+def _rejection(result: Any) -> Any:
+    """Which loop closures a robust run rejected; None for other runs and where there is no result."""
     if result.exit_code == ExitCode.NUMERICAL_FAILURE:
-        return None, []
-    from slamcli.solver.robust import rejection
+        return None
+    if result.rejection is None and result.options.kernel != "none":
+        from slamcli.solver.robust import rejection
 
-    found = result.rejection
-    if found is None and result.options.kernel != "none":
-        found = rejection.of_kernel(result.graph, result.options, result.dof)
-    return found, [] if found is None else rejection.rejected_edges(result.graph, found)
+        return rejection.of_kernel(result.graph, result.options, result.dof)
+    return result.rejection
+
+
+def _rejected_edges(result: Any, rejection: Any) -> list[Any]:
+    if rejection is None:
+        return []
+    from slamcli.solver.robust.rejection import rejected_edges
+
+    return rejected_edges(result.graph, rejection)
+
+
+def _reprojections(before: Any, after: Any) -> tuple[Any, Any]:
+    """Statistics of the pixels before and after; None for graphs without cameras."""
+    from slamcli.solver.bundle import has_projections
+
+    if not has_projections(before):
+        return None, None
+    from slamcli.evaluation.reprojection import reprojection
+
+    return reprojection(before), reprojection(after)
 
 
 def _worst(minimized: Any, count: int) -> list[Any]:

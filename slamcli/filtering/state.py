@@ -271,8 +271,3 @@ def local_covariance(covariance: Array, heading: Array) -> Array:
     rotation[..., 0, 0] = rotation[..., 1, 1] = cosine
     rotation[..., 0, 1], rotation[..., 1, 0], rotation[..., 2, 2] = sine, -sine, 1.0
     return rotation @ covariance @ np.swapaxes(rotation, -1, -2)
-
-
-def world_covariance(covariance: Array, heading: Array) -> Array:
-    """The reverse of ``local_covariance``."""
-    return local_covariance(covariance, -np.asarray(heading))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -166,11 +165,6 @@ def monte_carlo_document(options: EkfOptions, scenario: dict[str, Any], runs: Mo
         "position_sigma": runs.position_sigma.tolist(),
         "heading_rmse": runs.heading_rmse.tolist(),
     }
-
-
-def errors_of(values: Iterable[float]) -> str:
-    """Standard deviations in a row."""
-    return ", ".join(f"{value:.4g}" for value in values)
 
 
 def _association_rows(result: EkfResult) -> list[tuple[str, str]]:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from slamcli.reporting.text import plural, table
-from slamcli.solver.robust.rejection import RejectedEdge, Rejection
+
+if TYPE_CHECKING:
+    from slamcli.solver.robust.rejection import RejectedEdge, Rejection
 
 
 def rejection_rows(rejection: Rejection) -> list[tuple[str, str]]:

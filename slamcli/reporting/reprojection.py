@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from slamcli.evaluation.reprojection import Reprojection
 from slamcli.reporting.text import table
+
+if TYPE_CHECKING:
+    from slamcli.evaluation.reprojection import Reprojection
 
 _WORST = 3
 

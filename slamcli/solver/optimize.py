@@ -62,11 +62,12 @@ def optimize(
         options = OptimizeOptions(fix=tuple(fix), **keywords)
     elif keywords:
         raise TypeError("give either options or keywords")
+    watch: OnIteration = on_iteration or (lambda start, chi2, record: None)
     if options.robust != "none":
         from slamcli.solver.robust.run import run  # it optimizes, too
 
-        return run(graph, options, on_iteration or (lambda start, chi2, record: None), interrupted)
-    return _Run(graph, options, on_iteration or (lambda start, chi2, record: None), interrupted).result()
+        return run(graph, options, watch, interrupted)
+    return _Run(graph, options, watch, interrupted).result()
 
 
 class _Run:
@@ -114,9 +115,8 @@ class _Run:
 
     def _automatic(self) -> Result:
         """See ``multistart``."""
-        robust = any(loss is not None for loss in kernels.losses(self.graph, self.options) or ())
-        dof = None if robust else self.graph.degrees_of_freedom(self.held)
         problem = self._problem()
+        dof = None if problem.robust else self.graph.degrees_of_freedom(self.held)
 
         def chi2(start: Start) -> float:
             cost = problem.chi2(start.values)
@@ -126,7 +126,8 @@ class _Run:
         def ranked(starts: Iterator[Callable[[], Start]]) -> list[tuple[float, Start]]:
             return multistart.ranked((partial(self._make, make) for make in starts), chi2, dof)
 
-        (lowest, first), *others = ranked(initialization.automatic(self.graph, self.held, trust_closures=not robust))
+        starts = initialization.automatic(self.graph, self.held, trust_closures=not problem.robust)
+        (lowest, first), *others = ranked(starts)  # those after a good one are not made
         attempts = [self._begin(problem, first)]
         self._to_the_end(attempts[0], until=multistart.erratic)
         if self.interrupted():
@@ -134,10 +135,7 @@ class _Run:
         elif self.options.max_iterations > 0:
             self.doubt = multistart.doubt(attempts[0], dof, from_file=first.name == "file")
         if self.doubt is not None:
-            if first.name == "file" and not others:  # it was good enough without a look at the relaxation
-                starts = list(initialization.automatic(self.graph, self.held, trust_closures=not robust))[1:]
-                others = ranked(iter(starts)) if starts else []
-            others += ranked(initialization.in_doubt(self.graph, self.held))
+            others += ranked(starts) + ranked(initialization.in_doubt(self.graph, self.held))
             for start in multistart.worth_a_run(others, lowest):
                 attempts.append(self._begin(problem, start))
                 self._to_the_end(attempts[-1])

@@ -90,6 +90,11 @@ class Problem:
         """chi2 at a state."""
         return self._linearizer.chi2(values)
 
+    @property
+    def robust(self) -> bool:
+        """Whether some squared residuals count as a loss makes them."""
+        return any(loss is not None for loss in self._linearizer.losses)
+
     def rounding(self, values: Values) -> float:
         """See ``Linearizer.rounding``."""
         return self._linearizer.rounding(values)

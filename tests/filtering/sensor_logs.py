@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from slamcli.filtering.result import EkfResult
-from slamcli.filtering.state import world_covariance
+from slamcli.filtering.state import local_covariance
 from slamcli.geometry import se2
 from slamcli.graph.sensor_log import Observations, SensorLog
 from slamcli.graph.trajectory import of_graph
@@ -18,6 +18,11 @@ from slamcli.simulation.simulate import simulate
 
 ODOMETRY = np.diag([400.0, 900.0, 10_000.0])
 WEIGHTS = {"range": 100.0, "bearing": 2500.0, "x": 100.0, "y": 400.0}
+
+
+def world_covariance(covariance: Array, heading: Array) -> Array:
+    """The reverse of ``local_covariance``."""
+    return local_covariance(covariance, -np.asarray(heading))
 
 
 def simulated(**settings: Any) -> SensorLog:

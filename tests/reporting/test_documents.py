@@ -10,7 +10,8 @@ from support import BUNDLED
 import slamcli
 from slamcli.graph import analyze
 from slamcli.graph.describe import describe, worst_edges
-from slamcli.reporting import documents, optimization
+from slamcli.reporting import documents
+from slamcli.reporting.optimization_documents import optimize_document, trace_events
 from slamcli.solver.certificate import CertifiedRun
 from slamcli.solver.result import Result
 
@@ -57,7 +58,7 @@ def document_of(result: Result) -> dict[str, Any]:
     graph = slamcli.read(PATH)
     time = {"load": 0.1, "setup": 0.2, "iterate": 0.3, "write": 0.0, "total": 0.6}
     run = CertifiedRun("g2o", result, result.graph)
-    made = optimization.optimize_document(graph, analyze(graph), run, worst_edges(result.graph, 2), time, 12.5)
+    made = optimize_document(graph, analyze(graph), run, worst_edges(result.graph, 2), time, 12.5)
     out: dict[str, Any] = json.loads(documents.dumps(made))
     return out
 
@@ -109,7 +110,7 @@ def test_keys_of_a_description() -> None:
 
 def test_trace_has_a_start_every_iteration_and_an_end(result: Result) -> None:
     graph = slamcli.read(PATH)
-    lines = [documents.dumps(event, indent=None) for event in optimization.trace_events(graph, result.options, result)]
+    lines = [documents.dumps(event, indent=None) for event in trace_events(graph, result.options, result)]
     assert all("\n" not in line for line in lines)
     first, *between, last = [json.loads(line) for line in lines]
     tried = [event for event in between if event["event"] == "tried"]
@@ -141,8 +142,6 @@ def test_a_graph_made_in_memory_has_no_file() -> None:
     graph = slamcli.read(PATH)
     graph.report = graph.document = None
     result = slamcli.optimize(graph)
-    made = optimization.optimize_document(
-        graph, analyze(graph), CertifiedRun("g2o", result, result.graph), [], {"total": 0.0}, 0.0
-    )
+    made = optimize_document(graph, analyze(graph), CertifiedRun("g2o", result, result.graph), [], {"total": 0.0}, 0.0)
     assert made["input"]["path"] is made["input"]["sha256"] is made["input"]["format"] is None
     assert json.loads(documents.dumps(made))["input"]["by_tag"] == {}
