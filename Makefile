@@ -11,7 +11,7 @@ endif
 
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help demo test lint format bench docs datasets clean
+.PHONY: help demo test lint format regress bench benchmarks docs datasets clean
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(MAKEFILE_LIST)
@@ -34,8 +34,17 @@ format: $(VENV)/.stamp-dev ## format the code and mend what ruff can mend
 	$(BIN)/ruff check --fix-only
 	$(BIN)/ruff format
 
+regress: $(VENV)/.stamp-run ## run the regression suites, that of the standard sets where they are
+	$(BIN)/slamcli regress configs/suites/bundled.yaml $(ARGS)
+ifneq ($(SLAMCLI_DATASETS),)
+	$(BIN)/slamcli regress configs/suites/standard.yaml $(ARGS)
+endif
+
 bench: $(VENV)/.stamp-peers ## compare with other solvers; BENCH=optimum, certificate, ... picks a comparison
 	$(BIN)/python -m benchmarks.$(or $(BENCH),run) $(ARGS)
+
+benchmarks: $(VENV)/.stamp-peers ## measure docs/benchmarks.md anew (on an idle machine)
+	$(BIN)/python -m benchmarks.publish $(ARGS)
 
 docs: $(VENV)/.stamp-dev ## regenerate docs/cli.md
 	$(BIN)/python docs/generate_cli.py

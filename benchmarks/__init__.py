@@ -9,4 +9,7 @@ ARGS='...'`` runs another one:
 * ``covariance``: all marginal covariances
 * ``scale``: 100 000 poses with 300 000 edges
 * ``bundle``: bundle adjustment
+* ``publish``: ``docs/benchmarks.md`` (``make benchmarks``)
+
+What they have in common, children and peers, is ``slamcli.batch.benchmark``, which is behind ``slamcli bench``.
 """

@@ -21,8 +21,9 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import optimum_report
-from benchmarks.processes import answers
-from benchmarks.settings import CALIBRATION, LEFT_OUT, POSE_GRAPHS, SETTINGS, STATED, PoseGraph, Setting
+from benchmarks.settings import CALIBRATION, LEFT_OUT, POSE_GRAPHS, STATED, PoseGraph
+from slamcli.batch.benchmark.peers.settings import SETTINGS, Setting
+from slamcli.batch.benchmark.processes import answers
 
 Json = dict[str, Any]
 #: Settings this near to the fastest of a peer in the first pass alternate as well, so many of them at most.
@@ -67,7 +68,7 @@ class Benchmark:
 
     def _reference(self, data: PoseGraph, path: Path, entry: Json) -> None:
         """Values at the optimum, for the peers' own cost there."""
-        at = self.scratch / f"{data.name}.npy"
+        at = self.scratch / f"{data.name}.npz"
         request = {"path": str(path), "peer": "reference", "best": data.best, "reference": str(at)}
         untried = any(self._untried(entry, peer) for peer in self.options.peers)
         if untried or self.options.repeats:
@@ -101,7 +102,7 @@ class Benchmark:
             self._save()
 
     def _request(self, data: PoseGraph, path: Path, peer: str, tasks: list[Any]) -> Json:
-        reference = str(self.scratch / f"{data.name}.npy")
+        reference = str(self.scratch / f"{data.name}.npz")
         return {"path": str(path), "peer": peer, "best": data.best, "reference": reference, "tasks": tasks}
 
     def _candidates(self, data: PoseGraph, entry: Json, peer: str) -> list[str]:

@@ -7,8 +7,10 @@ import statistics
 from collections.abc import Iterator
 from typing import Any
 
-from benchmarks.settings import CALIBRATION, LEFT_OUT, REACHED, SETTINGS, STATED, PoseGraph
+from benchmarks.settings import CALIBRATION, LEFT_OUT, STATED, PoseGraph
 from benchmarks.tables import ms, table
+from slamcli.batch.benchmark.case import reaches
+from slamcli.batch.benchmark.peers.settings import SETTINGS
 
 Json = dict[str, Any]
 #: Note beside settings that start from slamcli's chordal start, which is not counted.
@@ -55,7 +57,7 @@ def _solves(runs: list[Json]) -> list[float]:
 
 
 def _reached(data: PoseGraph, chi2: float | None) -> bool:
-    return chi2 is not None and chi2 <= data.best * (1.0 + REACHED)
+    return chi2 is not None and reaches(chi2, data.best)
 
 
 def ratio(ours: list[Json], theirs: list[Json]) -> float:

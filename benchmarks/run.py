@@ -22,6 +22,9 @@ import numpy as np
 
 import slamcli
 from benchmarks.tables import ms, print_table
+from slamcli.batch.benchmark import runner
+from slamcli.batch.benchmark.grid import Variant
+from slamcli.reporting.benchmark import benchmark_markdown
 from slamcli.solver import gauge, policies
 from slamcli.solver.initialization import initialize
 from slamcli.solver.options import OptimizeOptions
@@ -79,59 +82,27 @@ def iterations(folder: Path, runs: int) -> None:
     print_table("One Gauss-Newton iteration", header, rows)
 
 
-def worker(tool: str, path: Path, count: int, result: Path) -> dict[str, float]:
-    """One tool on one file, in its own process."""
-    command = [sys.executable, "-m", "benchmarks.worker", tool, str(path), str(count), str(result)]
+def worker(tool: str, path: Path) -> dict[str, float]:
+    """One tool that reads a file, in its own process."""
+    command = [sys.executable, "-m", "benchmarks.worker", tool, str(path)]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     outcome: dict[str, float] = json.loads(done.stdout.splitlines()[-1])
     return outcome
 
 
-def fewest_iterations(path: Path, goal: float, result: Path) -> int:
-    """The fewest iterations with which g2opy, which has no test of its own, comes within 1e-6 of a chi2."""
-    for count in range(1, 30):
-        if worker("g2opy", path, count, result)["chi2"] <= goal * (1.0 + 1e-6):
-            return count
-    return 30
-
-
-def chi2_of(result: Path, graph: slamcli.FactorGraph) -> float:
-    """A tool's poses in our chi2 (files of the peers hold six digits)."""
-    ended = slamcli.read(str(result))
-    values = {}
-    for name, column in graph.variables.items():
-        values[name] = ended.variables[name].values[ended.variables[name].rows_of(column.ids)]
-    return graph.chi2(values)
-
-
 def whole(folder: Path, scratch: Path, runs: int) -> None:
-    """Everything between the loaded graph and the converged one, from the same start, each tool in its own process."""
-    rows = []
+    """Everything between the loaded graph and the converged one, from a file whose values are a good start for all."""
+    ours = Variant("slamcli", options={"method": "gn", "init": "file", "tolerance": 1e-6})
+    variants = (ours, *(Variant(peer, peer) for peer in PEERS))
     for name, start in WHOLE:
         graph = slamcli.read(str(folder / name))
         _, held = gauge.choose(graph)
         values, _ = initialize(graph, start, held)
-        graph = graph.with_values(values)
-        path, result = scratch / "start.g2o", scratch / "result.g2o"
-        slamcli.write(graph, str(path))
-        best = slamcli.optimize(graph).final_chi2
-        counts = {"slamcli": 100, "gtsam": 100}
-        if "g2opy" in PEERS:
-            counts["g2opy"] = fewest_iterations(path, best, result)
-        outcomes: dict[str, list[dict[str, float]]] = {tool: [] for tool in ("slamcli", *PEERS)}
-        reached = {}
-        for _ in range(runs):
-            for tool, found in outcomes.items():
-                found.append(worker(tool, path, counts[tool], result))
-                reached[tool] = chi2_of(result, graph)
-        ours = [outcome["solve"] for outcome in outcomes["slamcli"]]
-        for tool, found in outcomes.items():
-            times = [outcome["solve"] for outcome in found]
-            ratio = statistics.median(a / b for a, b in zip(ours, times, strict=True))
-            done = f"{found[0]['iterations']:.0f}"
-            rows.append((f"{name} ({start})", tool, ms(times), done, f"{reached[tool]:.6g}", f"{ratio:.2f}"))
-    header = ("data set (start)", "tool", "solve, ms", "iterations", "chi2 (ours) of the result", "slamcli / tool")
-    print_table("Whole optimization, Gauss-Newton, after loading", header, rows)
+        path = scratch / "start.g2o"
+        slamcli.write(graph.with_values(values), str(path))
+        result = runner.run((runner.described(f"{name} ({start})", path),), variants, repeats=runs)
+        print(f"\n## Whole optimization, Gauss-Newton, after loading: {name}\n")
+        print(benchmark_markdown(result), flush=True)
 
 
 def write_world(path: Path, poses: int, closures: int) -> None:
@@ -158,7 +129,7 @@ def loading(folder: Path, scratch: Path, runs: int) -> None:
         outcomes: dict[str, list[dict[str, float]]] = {tool: [] for tool in ("slamcli", *PEERS)}
         for _ in range(runs):
             for tool, found in outcomes.items():
-                found.append(worker(tool, path, 0, scratch / "unused.g2o"))
+                found.append(worker(tool, path))
         ours = [outcome["load"] for outcome in outcomes["slamcli"]]
         for tool, found in outcomes.items():
             times = [outcome["load"] for outcome in found]

@@ -17,6 +17,8 @@ import tempfile
 import time
 from pathlib import Path
 
+from slamcli.batch.memory import peak_memory
+
 TOLERANCE = 1e-6
 #: Twice as many closures as poses, in streets on a square whose side grows with the root of the number of poses:
 #: with AMD, L of the world of 100 000 poses has some 77 million nonzeros.
@@ -79,12 +81,6 @@ def run_gtsam(path: str, ordering: str, result: str) -> dict[str, float]:
     memory = peak_memory()
     gtsam.writeG2o(graph, values, result)
     return {"load": load, "solve": solve, "iterations": optimizer.iterations(), "memory_mb": memory}
-
-
-def peak_memory() -> float:
-    """Peak memory of this process in MB."""
-    with open("/proc/self/status", encoding="ascii") as stream:
-        return float(next(line for line in stream if line.startswith("VmHWM")).split()[1]) / 1024.0
 
 
 def chi2_of(result: Path, path: Path) -> float:

@@ -1,12 +1,8 @@
-"""What the benchmark of the optimum compares: the pose graphs, each peer's settings, and times measured elsewhere."""
+"""What the benchmark of the optimum compares: the pose graphs, and times measured elsewhere."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import product
-
-#: A result reaches an optimum within this share of it.
-REACHED = 1e-6
 
 
 @dataclass(frozen=True)
@@ -78,53 +74,10 @@ POSE_GRAPHS = (
 )
 
 
-@dataclass(frozen=True)
-class Setting:
-    """One way to run a peer.
-
-    Attributes
-    ----------
-    method
-        ``gn``, ``lm``, ``lm-ceres`` (GTSAM's parameters after Ceres) or ``dogleg``.
-    start
-        ``file`` (the odometry where the file has no vertices; not counted), ``own`` (the peer's initialization,
-        counted), ``own-tree`` (GTSAM's LAGO along a spanning tree, counted), ``spanning-tree`` (slamcli's, counted)
-        or ``chordal`` (slamcli's, not counted).
-    solver
-        GTSAM's elimination order, or g2o's linear solver and how its ordering sees the matrix.
-    """
-
-    method: str
-    start: str
-    solver: str
-
-    @property
-    def name(self) -> str:
-        """A short name, the key in documents."""
-        return f"{self.method} {self.solver} {self.start}"
-
-    @property
-    def borrowed(self) -> bool:
-        """Whether it runs from slamcli's chordal start, so that its time is a part of a whole only."""
-        return self.start == "chordal"
-
-
-def _settings(methods: tuple[str, ...], starts: tuple[str, ...], solvers: tuple[str, ...]) -> tuple[Setting, ...]:
-    return tuple(Setting(*words) for words in product(methods, starts, solvers))
-
-
-_GTSAM_STARTS = ("own", "own-tree", "file", "spanning-tree", "chordal")
-SETTINGS = {
-    "gtsam": _settings(("gn", "lm", "lm-ceres"), _GTSAM_STARTS, ("METIS", "COLAMD")),
-    "g2opy": (
-        *_settings(("gn",), ("own", "file", "chordal"), ("Eigen-block", "Eigen-scalar")),
-        *_settings(("lm", "dogleg"), ("own", "file", "chordal"), ("Eigen-block",)),
-    ),
-}
 #: Peers without settings, and why.
 LEFT_OUT = {
     "ceres": "pyceres 2.6 has no cost function for relative poses, and one written in Python, called back for each"
-    " edge, would time the interpreter instead of Ceres",
+    " edge, times the interpreter instead of Ceres (slamcli bench --peers pyceres shows how much)",
 }
 
 

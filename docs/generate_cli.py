@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import click
@@ -27,15 +27,23 @@ file of `--config`, which beats the default.
 
 
 def contexts() -> Iterator[click.Context]:
-    """The context of the group, then of each command, with our width."""
+    """The context of the group, then of each command and of its subcommands, with our width."""
     group = build_group()
     with group.make_context("slamcli", [], resilient_parsing=True, terminal_width=WIDTH) as parent:
         yield parent
-        for name in sorted(COMMANDS):
-            command = group.get_command(parent, name)
-            assert command is not None, name
-            with click.Context(command, info_name=name, parent=parent) as context:
-                yield context
+        yield from below(parent, sorted(COMMANDS))
+
+
+def below(parent: click.Context, names: Iterable[str]) -> Iterator[click.Context]:
+    """The contexts of the commands of a group, each before those of its own commands."""
+    assert isinstance(parent.command, click.Group)
+    for name in names:
+        command = parent.command.get_command(parent, name)
+        assert command is not None, name
+        with click.Context(command, info_name=name, parent=parent) as context:
+            yield context
+            if isinstance(command, click.Group):
+                yield from below(context, command.list_commands(context))
 
 
 def page() -> str:

@@ -204,7 +204,7 @@ def compare(
             smoothed.landmarks,
             landmark_covariances,
             smoothed.seconds,
-            8 * sparsity.nnz_factor if sparsity is not None else None,
+            8 * sparsity.nnz_factor if sparsity is not None and sparsity.nnz_factor is not None else None,
         ),
     )
     step = closing_step(log, options, result, closure)

@@ -8,11 +8,12 @@ import os
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 #: Exit code that stands for a command which its time limit ended, as that of timeout(1).
 TIMED_OUT = 124
@@ -49,53 +50,102 @@ class Execution:
 Executor = Callable[[Sequence[str], Path, float | None], Execution]
 
 
-def execute(words: Sequence[str], folder: Path, limit: float | None = None) -> Execution:
-    """Run a command of slamcli in a process of its own, on one thread.
+class Processes:
+    """Runs commands, also from several threads at once, and can end all of them.
 
-    Parameters
-    ----------
-    words
-        Behind ``slamcli``; ``--json`` among them gives a document.
-    folder
-        Working directory.
-    limit
-        Seconds after which the process is killed.
-
-    Raises
-    ------
-    KeyboardInterrupt
-        If the user asks to stop; the process is gone then.
+    A thread that waits for a process does not hear of Ctrl-C: the main thread does, and calls ``stop``.
     """
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("SLAMCLI_")}
-    environment |= {name: value for name, value in os.environ.items() if name == "SLAMCLI_DATASETS"}
-    environment |= dict.fromkeys(_ONE_THREAD, "1")
-    started = time.perf_counter()
-    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
-        # a session of its own: Ctrl-C reaches this process, which decides what becomes of the other
-        process = subprocess.Popen(
-            [sys.executable, "-m", "slamcli", *words],
-            stdin=subprocess.DEVNULL,
-            stdout=out,
-            stderr=err,
-            cwd=folder,
-            env=environment,
-            start_new_session=True,
-        )
-        with _killed_at_the_end(process):
-            try:
-                code = process.wait(limit)
-            except subprocess.TimeoutExpired:
-                code = TIMED_OUT
-        seconds = time.perf_counter() - started
-        out.seek(0)
-        err.seek(0)
-        return Execution(
-            tuple(words),
-            code if code >= 0 else 128 - code,
-            document_of(out.read()),
-            err.read().decode(errors="replace"),
-            seconds,
-        )
+
+    def __init__(self) -> None:
+        self._running: set[subprocess.Popen[bytes]] = set()
+        self._lock = threading.Lock()
+        self._stopped = False
+
+    def execute(self, words: Sequence[str], folder: Path, limit: float | None = None) -> Execution:
+        """Run a command of slamcli in a process of its own, on one thread.
+
+        Parameters
+        ----------
+        words
+            Behind ``slamcli``; ``--json`` among them gives a document.
+        folder
+            Working directory.
+        limit
+            Seconds after which the process is killed.
+
+        Raises
+        ------
+        KeyboardInterrupt
+            If the user asks to stop, or ``stop`` was called; the process is gone then.
+        """
+        return self.run([sys.executable, "-m", "slamcli", *words], words, folder, limit)
+
+    def run(self, line: Sequence[str], words: Sequence[str], folder: Path, limit: float | None = None) -> Execution:
+        """The same with any command line; ``words`` are what the result says was run."""
+        started = time.perf_counter()
+        with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+            with self._process(line, folder, out, err) as process:
+                try:
+                    code = process.wait(limit)
+                except subprocess.TimeoutExpired:
+                    code = TIMED_OUT
+            seconds = time.perf_counter() - started
+            if self._stopped:
+                raise KeyboardInterrupt
+            out.seek(0)
+            err.seek(0)
+            return Execution(
+                tuple(words),
+                code if code >= 0 else 128 - code,
+                document_of(out.read()),
+                err.read().decode(errors="replace"),
+                seconds,
+            )
+
+    def stop(self) -> None:
+        """End all processes that run, and start none any more."""
+        with self._lock:
+            self._stopped = True
+            for process in self._running:
+                process.kill()
+
+    @contextlib.contextmanager
+    def _process(self, line: Sequence[str], folder: Path, out: IO[bytes], err: IO[bytes]) -> Iterator[Any]:
+        """A process that is gone at the end, come what may."""
+        with self._lock:
+            if self._stopped:
+                raise KeyboardInterrupt
+            # a session of its own: Ctrl-C reaches this process, which decides what becomes of the other
+            process = subprocess.Popen(
+                list(line),
+                stdin=subprocess.DEVNULL,
+                stdout=out,
+                stderr=err,
+                cwd=folder,
+                env=environment(),
+                start_new_session=True,
+            )
+            self._running.add(process)
+        try:
+            yield process
+        finally:
+            if process.poll() is None:
+                process.kill()
+                process.wait()
+            with self._lock:
+                self._running.discard(process)
+
+
+def execute(words: Sequence[str], folder: Path, limit: float | None = None) -> Execution:
+    """Run a command of slamcli in a process of its own: see ``Processes.execute``."""
+    return Processes().execute(words, folder, limit)
+
+
+def environment() -> dict[str, str]:
+    """Of a command: nothing that a user has set for slamcli but where data sets are, and one thread."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith("SLAMCLI_")}
+    kept |= {name: value for name, value in os.environ.items() if name == "SLAMCLI_DATASETS"}
+    return kept | dict.fromkeys(_ONE_THREAD, "1")
 
 
 def document_of(text: bytes) -> dict[str, Any] | None:
@@ -105,13 +155,3 @@ def document_of(text: bytes) -> dict[str, Any] | None:
     except ValueError:
         return None
     return document if isinstance(document, dict) else None
-
-
-@contextlib.contextmanager
-def _killed_at_the_end(process: subprocess.Popen[bytes]) -> Iterator[None]:
-    try:
-        yield
-    finally:
-        if process.poll() is None:
-            process.kill()
-            process.wait()

@@ -13,11 +13,15 @@ from typing import Any
 
 from slamcli.batch.execution import Execution, Executor
 from slamcli.errors import ExitCode
+from slamcli.formats.configuration import load_mapping
 
 #: Commands whose estimate is compared with the truth, as far as there is one.
 ESTIMATORS = ("optimize", "ekf")
 #: Exit codes with which such a command has written its estimate.
 _WRITTEN = (ExitCode.SUCCESS, ExitCode.CHECK_FAILED, ExitCode.NOT_CONVERGED)
+
+#: Operations of ``inject`` that make edges false; the others leave nothing to label.
+FALSE = ("false_closures", "false_observations", "corrupt_odometry")
 
 #: Values of options as YAML has them: true for a flag, a list for an option that is given several times.
 Options = Mapping[str, Any]
@@ -105,30 +109,48 @@ def run(case: Case, folder: Path, execute: Executor) -> Outcome:
         return steps[step].exit_code == ExitCode.SUCCESS
 
     data, truth, labels = case.data, case.truth, case.labels
+    ending = _ending(case)
     if case.simulate is not None:
-        data, truth = "graph.g2o", "truth.g2o"
+        data, truth = f"graph{ending}", f"truth{ending}"
         if not ran("simulate", [case.simulate, *words_of(case.simulation), "-o", data, "--truth", truth]):
             return Outcome(steps, case.command, "simulate")
     if data is None:
         raise ValueError("a case needs data or a simulation")
     if case.inject:
-        source, data, labels = data, "spoiled.g2o", "labels.csv"
-        if not ran("inject", [source, *words_of(case.inject), "-o", data, "--labels", labels]):
+        source, data = data, f"spoiled{ending}"
+        words = [source, *words_of(case.inject), "-o", data]
+        if any(name.replace("-", "_") in FALSE for name in case.inject):
+            labels = "labels.csv"
+            words += ["--labels", labels]
+        if not ran("inject", words):
             return Outcome(steps, case.command, "inject")
     compared = case.command in ESTIMATORS and (truth is not None or labels is not None)
-    outputs = ["-o", "estimate.g2o"] if compared else []
+    estimate = f"estimate{ending}"
+    outputs = ["-o", estimate] if compared else []
     rejecting = compared and labels is not None and case.command == "optimize"
     if rejecting and (case.options.get("robust", "none") != "none" or case.options.get("kernel", "none") != "none"):
         outputs += ["--labels-out", "estimated.csv"]
     ran(case.command, [data, *words_of(case.options), *outputs])
     if compared and steps[case.command].exit_code in _WRITTEN:
-        words = ["estimate.g2o", *words_of(case.evaluate)]
+        words = [estimate, *words_of(case.evaluate)]
         words += ["--truth", truth] if truth is not None else []
         words += ["--labels", labels] if labels is not None else []
         words += ["--estimated-labels", "estimated.csv"] if "estimated.csv" in outputs else []
         if not ran("evaluate", words):
             return Outcome(steps, case.command, "evaluate")
     return Outcome(steps, case.command)
+
+
+def _ending(case: Case) -> str:
+    """Of the files of a case: scenes of cameras with distortion go into BAL only."""
+    if case.simulate is None:
+        return ".bal" if str(case.data).endswith((".bal", ".out")) else ".g2o"
+    from slamcli.simulation.camera_scenes import CAMERA_WORLDS
+
+    world: object = case.simulate
+    if Path(case.simulate).suffix in (".yaml", ".yml") and Path(case.simulate).is_file():
+        world = load_mapping(case.simulate).get("world")
+    return ".bal" if world in CAMERA_WORLDS else ".g2o"
 
 
 def words_of(options: Options) -> list[str]:

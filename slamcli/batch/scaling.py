@@ -189,6 +189,7 @@ def _point(landmarks: int, options_of: Callable[[SensorLog], EkfOptions], seed: 
     smoothed = smooth(log, options, result)
     sparsity = smoothed.result.sparsity
     assert sparsity is not None
+    assert sparsity.nnz_factor is not None  # few landmarks: nothing is left to conjugate gradients
     full = result.updates.dimension >= result.updates.dimension.max()
     return ScalingPoint(
         landmarks=len(result.landmarks),

@@ -6,9 +6,11 @@ from slamcli import __version__
 
 #: Name of each subcommand: the module that holds its ``command``, and what it does in a line.
 COMMANDS: dict[str, tuple[str, str]] = {
+    "bench": ("slamcli.cli.bench", "Time methods, orderings and peers side by side on the same data."),
     "compare": ("slamcli.cli.compare", "Dead reckoning, filter and smoother on the same data, side by side."),
     "convert": ("slamcli.cli.convert", "Convert a graph between g2o, TORO, BAL and Bundler."),
     "covariance": ("slamcli.cli.covariance", "Print marginal covariances of poses and landmarks."),
+    "datasets": ("slamcli.cli.datasets", "List, fetch and verify the standard data sets."),
     "ekf": ("slamcli.cli.ekf", "Run EKF-SLAM on a graph, a simulation or a real sensor log."),
     "evaluate": ("slamcli.cli.evaluate", "Compare estimates with the truth: ATE, RPE, drift, landmarks."),
     "graph": ("slamcli.cli.graph", "Draw the factor graph itself: variables, factors, elimination."),
@@ -18,8 +20,10 @@ COMMANDS: dict[str, tuple[str, str]] = {
     "optimize": ("slamcli.cli.optimize", "Optimize a pose graph and report every iteration."),
     "plot": ("slamcli.cli.plot", "Draw graphs, trajectories, iterations and errors."),
     "predict": ("slamcli.cli.predict", "Print what a sensor should read, the innovation and the Jacobians."),
+    "regress": ("slamcli.cli.regress", "Run a suite of cases and compare its figures with a baseline."),
     "simulate": ("slamcli.cli.simulate", "Simulate a robot in a world: a graph with its truth."),
     "sparsity": ("slamcli.cli.sparsity", "Compare elimination orders: fill-in, flops, trees, pictures."),
+    "sweep": ("slamcli.cli.sweep", "Run Monte-Carlo and parameter studies, here or on a cluster."),
 }
 
 _OPTIONS = {

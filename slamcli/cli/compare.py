@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from slamcli.cli.filter_options import filter_options, log_of, log_options, options_of, unused_noise
+from slamcli.cli.inputs import INPUT_OR_WORLD
 from slamcli.cli.options import FILE, check_outputs, json_option, warn
 from slamcli.errors import UsageError
 
@@ -28,7 +29,7 @@ _OF_A_LOG = ("output", "corrections", "truth", "robot", "dialect", "settings")
 
 
 @click.command(name="compare", epilog=_EXAMPLES)
-@click.argument("input", metavar="INPUT", required=False, type=FILE)
+@click.argument("input", metavar="INPUT", required=False, type=INPUT_OR_WORLD)
 @log_options
 @click.option(
     "--align",

@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from slamcli.cli.options import FILE, check_outputs, input_options, json_option, warn
+from slamcli.cli.solver_options import intrinsics_option
 from slamcli.errors import UsageError
 
 _EXAMPLES = """\b
@@ -94,6 +95,7 @@ class Ids(click.ParamType):  # type: ignore[type-arg]  # generic only in click 8
     "--rows", type=click.IntRange(min=0), default=10, show_default=True, metavar="N", help="Variables that are listed."
 )
 @click.option("--fix", type=int, multiple=True, metavar="ID", help="Hold this variable; may be given several times.")
+@intrinsics_option
 @click.option(
     "-o", "--output", type=FILE, metavar="FILE", help="Write .npz, .csv or .json; - is CSV on standard output."
 )
@@ -128,7 +130,8 @@ def command(input: str, **given: Any) -> int:
     graph = read(input, dialect=given["dialect"], lenient=given["lenient"])
     warn(summaries.reading_warnings(graph.report))
     started = time.perf_counter()
-    result = recover(CovarianceRecovery(graph, OptimizeOptions(fix=given["fix"])), request)
+    options = OptimizeOptions(fix=given["fix"], intrinsics=given["intrinsics"])
+    result = recover(CovarianceRecovery(graph, options), request)
     seconds = time.perf_counter() - started
     if given["output"]:
         require_one_size(given["output"], {m.kind.name: m.kind.dimension for m in result.marginals})

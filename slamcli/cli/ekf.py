@@ -16,6 +16,7 @@ from slamcli.cli.filter_options import (
     scenario_of_input,
     unused_noise,
 )
+from slamcli.cli.inputs import INPUT_OR_WORLD
 from slamcli.cli.options import FILE, check_outputs, json_option, warn
 from slamcli.cli.process import interruptible, peak_memory, progress
 from slamcli.errors import ExitCode, UsageError
@@ -39,7 +40,7 @@ _OUTPUTS = ("output", "trajectory", "covariances", "landmark_covariances", "corr
 
 
 @click.command(name="ekf", epilog=_EXAMPLES)
-@click.argument("input", metavar="INPUT", type=FILE)
+@click.argument("input", metavar="INPUT", type=INPUT_OR_WORLD)
 @log_options
 @click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="Set a key of the scenario.")
 @filter_options

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from slamcli.cli.inputs import INPUT
 from slamcli.cli.options import DIALECTS, FILE, check_outputs, color_option, json_option, use_color, warn
 from slamcli.errors import InputError, UsageError
 
@@ -29,7 +30,7 @@ positions do not determine the alignment.
 
 
 @click.command(name="evaluate", epilog=_EXAMPLES)
-@click.argument("estimates", metavar="ESTIMATE...", nargs=-1, required=True, type=FILE)
+@click.argument("estimates", metavar="ESTIMATE...", nargs=-1, required=True, type=INPUT)
 @click.option("--truth", type=FILE, metavar="FILE", help="The true poses, in any format that slamcli reads.")
 @click.option(
     "--align",

@@ -87,6 +87,7 @@ def command(context: click.Context, /, input: str, **given: Any) -> int:
 def _optimize(path: str, options: OptimizeOptions, given: dict[str, Any]) -> int:
     from slamcli.formats import read
     from slamcli.reporting import summaries
+    from slamcli.reporting.landmarks import landmark_warnings
     from slamcli.solver.certificate import run
 
     times: dict[str, float] = {}
@@ -114,6 +115,7 @@ def _optimize(path: str, options: OptimizeOptions, given: dict[str, Any]) -> int
     times["setup"] = time.perf_counter() - started - times["load"] - times["iterate"] - times["certify"]
     if result.exit_code == ExitCode.NUMERICAL_FAILURE:
         print(f"error: {result.reason}", *(f"  {line}" for line in result.diagnosis), sep="\n", file=sys.stderr)
+    warn(landmark_warnings(result))
     before = time.perf_counter()
     rejection = _rejection(result)
     written = _write_all(graph, result, rejection, given)
@@ -141,7 +143,7 @@ def _report(
     topology = analyze(graph)
     worst = _worst(outcome.minimized, given["worst"])
     rejected = _rejected_edges(outcome.result, rejection)
-    seen = _reprojections(graph, outcome.result.graph)
+    seen = _reprojections(graph, outcome.result.optimized)
     times["total"] = time.perf_counter() - started
     memory = peak_memory()
     if given["json"]:
@@ -210,7 +212,8 @@ def _rejection(result: Any) -> Any:
     if result.rejection is None and result.options.kernel != "none":
         from slamcli.solver.robust import rejection
 
-        return rejection.of_kernel(result.graph, result.options, result.dof)
+        found = rejection.of_kernel(result.optimized, result.options, result.dof)
+        return found if result.held_back is None else result.held_back.expanded(found)
     return result.rejection
 
 

@@ -9,11 +9,12 @@ from typing import Any, TypeVar
 
 import click
 
+from slamcli.cli.inputs import INPUT
 from slamcli.errors import UsageError
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-DIALECTS = ("g2o", "toro", "bal", "bundler")
+DIALECTS = ("g2o", "toro", "bal", "bal-pinhole", "bundler")
 
 #: A file name, completed as such by the shell; whether it can be read is for the reader to say.
 FILE = click.Path(allow_dash=True)
@@ -27,7 +28,7 @@ def input_options(function: F) -> F:
     function = click.option(
         "--dialect", type=click.Choice(DIALECTS), help="Format of INPUT.  [default: recognized by content]"
     )(function)
-    return click.argument("input", metavar="INPUT", type=FILE)(function)
+    return click.argument("input", metavar="INPUT", type=INPUT)(function)
 
 
 def json_option(function: F) -> F:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from slamcli.cli.inputs import INPUT
 from slamcli.cli.options import DIALECTS, FILE, warn
 from slamcli.errors import InputError, UsageError
 from slamcli.reporting.text import plural
@@ -40,7 +41,7 @@ nothing is written unless the code is 0.
 
 
 @click.command(name="plot", epilog=_EXAMPLES)
-@click.argument("inputs", metavar="INPUT...", type=FILE, nargs=-1, required=True)
+@click.argument("inputs", metavar="INPUT...", type=INPUT, nargs=-1, required=True)
 @click.option(
     "-o", "--output", type=FILE, required=True, metavar="FILE", help="Picture: .png, .svg or .pdf; - is PNG on stdout."
 )

@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from slamcli.batch.memory import peak_memory as peak_memory
+
 
 @contextmanager
 def progress(what: str, total: int) -> Iterator[Callable[[], None]]:
@@ -39,16 +41,3 @@ def interruptible(what: str) -> Iterator[Callable[[], bool]]:
         yield lambda: asked
     finally:
         signal.signal(signal.SIGINT, previous)
-
-
-def peak_memory() -> float:
-    """Peak memory of this process in MB."""
-    try:  # Linux; getrusage there counts what the parent had before this process began
-        with open("/proc/self/status", encoding="ascii") as stream:
-            return next(float(line.split()[1]) / 1024.0 for line in stream if line.startswith("VmHWM:"))
-    except (OSError, StopIteration):
-        pass
-    import resource
-
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak / (1024.0 * 1024.0) if sys.platform == "darwin" else peak / 1024.0

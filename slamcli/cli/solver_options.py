@@ -8,19 +8,59 @@ from typing import Any, TypeVar
 import click
 
 from slamcli.errors import UsageError
-from slamcli.solver.options import ELIMINATIONS, INITS, LINEAR_SOLVERS, METHODS, ORDERINGS, SCALINGS, OptimizeOptions
+from slamcli.solver.options import (
+    ELIMINATIONS,
+    GAUGES,
+    INITS,
+    INTRINSICS,
+    LINEAR_SOLVERS,
+    METHODS,
+    ORDERINGS,
+    REDUCED_SOLVERS,
+    SCALINGS,
+    OptimizeOptions,
+)
 
 F = TypeVar("F", bound=Callable[..., Any])
 
 
+def intrinsics_option(function: F) -> F:
+    """``--intrinsics``."""
+    return click.option(
+        "--intrinsics",
+        type=click.Choice(INTRINSICS),
+        default="auto",
+        show_default=True,
+        help="Of cameras: constants (fixed), one unknown set for all (shared), unknowns of each (free). auto: free in "
+        "BAL and Bundler, fixed elsewhere.",
+    )(function)
+
+
 def solver_options(function: F) -> F:
-    """The options of ``OptimizeOptions`` but those of robustness: ``--method --init ... --elimination --scaling``."""
+    """The options of ``OptimizeOptions`` but those of robustness: ``--method --init ... --gauge --intrinsics``."""
+    function = intrinsics_option(function)
+    function = click.option(
+        "--gauge",
+        type=click.Choice(GAUGES),
+        default="auto",
+        show_default=True,
+        help="Of scenes of cameras. first: hold the pose of the first camera, and the scale by another; free: hold "
+        "nothing; auto: hold the first camera where its intrinsics are constants, else nothing.",
+    )(function)
     function = click.option(
         "--scaling",
         type=click.Choice(SCALINGS),
         default="none",
         show_default=True,
         help="Damping of lm: lambda on the diagonal (none, as g2o) or lambda times the diagonal.",
+    )(function)
+    function = click.option(
+        "--reduced-solver",
+        type=click.Choice(REDUCED_SOLVERS),
+        default="auto",
+        show_default=True,
+        help="What the elimination leaves: dense or sparse factorization, or conjugate gradients without forming it "
+        "(iterative). auto: what is faster.",
     )(function)
     function = click.option(
         "--elimination",

@@ -19,7 +19,7 @@ class Reprojection:
     Attributes
     ----------
     observations
-        How many count: those with a finite residual.
+        How many count: those with a finite residual, of a camera and a point that have a value.
     behind
         How many of all are of points behind their camera.
     sigma
@@ -59,6 +59,11 @@ def reprojection(graph: FactorGraph) -> Reprojection | None:
         with np.errstate(all="ignore"):
             squares.append(np.square(kind.residual(x, factors.measurements, factors.parameters)).sum(axis=1))
             behind.append(~(kind.depth(x) > 0.0))
+        known = np.ones(len(factors), dtype=bool)
+        for slot, variable in enumerate(kind.variables):
+            known &= graph.variables[variable.name].known[factors.indices[:, slot]]
+        squares[-1][~known] = np.nan
+        behind[-1] &= known
         column = graph.variables[kind.variables[kind.camera].name]
         ids.append(column.ids[factors.indices[:, kind.camera]])
         coordinates += kind.dimension * int(np.isfinite(squares[-1]).sum())

@@ -25,7 +25,7 @@ from slamcli.models.base import Array
 
 NAME = "bal"
 
-_BOM = b"\xef\xbb\xbf"
+BOM = b"\xef\xbb\xbf"
 
 _HEAD = 4096  # bytes that are looked at
 _WHOLE = re.compile(rb"\d+\Z")
@@ -36,7 +36,7 @@ def recognize(data: bytes) -> bool:
 
     (A trajectory may begin with three whole numbers, but then has three in its next line.)
     """
-    lines = [line.split() for line in data[:_HEAD].removeprefix(_BOM).splitlines() if line.strip()][:2]
+    lines = [line.split() for line in data[:_HEAD].removeprefix(BOM).splitlines() if line.strip()][:2]
     if len(lines) < 2 or len(lines[0]) != 3 or not all(map(_WHOLE.match, lines[0])):
         return False
     if int(lines[0][2]) == 0:
@@ -52,7 +52,7 @@ def parse(path: str, raw: bytes, data: bytes) -> FactorGraph:
     InputError
         With line and column, if it is not one.
     """
-    stream = NumberStream(path, data, len(_BOM) if data.startswith(_BOM) else 0)
+    stream = NumberStream(path, data, len(BOM) if data.startswith(BOM) else 0)
     names = ("the number of cameras", "the number of points", "the number of observations")
     if len(stream) < 3:
         raise stream.error(len(stream), f"expected {names[len(stream)]}")

@@ -20,7 +20,7 @@ from slamcli import models
 from slamcli.formats import bal, scenes
 from slamcli.formats.number_stream import NumberStream
 from slamcli.geometry import so3
-from slamcli.graph import Document, FactorGraph
+from slamcli.graph import Document, FactorGraph, Factors
 from slamcli.graph.columns import IndexArray
 from slamcli.models.base import Array
 
@@ -145,8 +145,8 @@ def render(graph: FactorGraph) -> bytes:
     return ("\n".join(out) + "\n").encode()
 
 
-def _same_rows(one: object, other: object) -> bool:
-    return getattr(one, "indices", None) is getattr(other, "indices", other)
+def _same_rows(one: Factors, other: Factors) -> bool:
+    return one.indices is other.indices or np.array_equal(one.indices, other.indices)
 
 
 def _camera(intrinsics: Array, rotation: Array, translation: Array) -> list[str]:

@@ -77,7 +77,8 @@ class EdgeTag:
     measurement
         How many numbers the measurement has in the file.
     optional_information
-        Whether the information matrix may be left out, which means the identity.
+        Whether single records may leave out the information matrix, which means the identity (see
+        ``Dialect.bare_edges`` for whole files without).
     decode, encode
         Between the file's measurement and information numbers and those of the factor kind.
     """
@@ -100,11 +101,15 @@ class EdgeTag:
         return self.kind.dimension * (self.kind.dimension + 1) // 2
 
     @property
+    def without_information(self) -> int:
+        """How many numbers follow the tag of a record without an information matrix."""
+        return self.ids + self.measurement
+
+    @property
     def allowed_counts(self) -> tuple[int, ...]:
         """How many numbers may follow the tag."""
-        short = self.ids + self.measurement
-        full = short + self.information
-        return (full, short) if self.optional_information else (full,)
+        full = self.without_information + self.information
+        return (full, self.without_information) if self.optional_information else (full,)
 
     @property
     def layout(self) -> str:
@@ -139,7 +144,8 @@ class Dialect:
     """A text format: a table of tags.
 
     Where several tags stand for one kind, the writer uses the first. ``unused`` says of known tags why their records
-    are only kept.
+    are only kept. With ``bare_edges`` a tag may lack its information in all of its records (not in some of them: those
+    are cut off), which then is the identity.
     """
 
     name: str
@@ -148,6 +154,7 @@ class Dialect:
     parameters: tuple[ParameterTag, ...] = ()
     fix: str | None = None
     unused: dict[str, str] = field(default_factory=dict)
+    bare_edges: bool = False
 
     @property
     def records(self) -> tuple[VertexTag | EdgeTag | ParameterTag, ...]:

@@ -6,6 +6,7 @@ VERTEX_CAM and VERTEX_SE3:EXPMAP are those of the camera in the world, as g2o's 
 
 Not of g2o itself, but of files in its notation: SLAM++'s EDGE_SE2_RB with its two synonyms, EDGE_RANGE_SE2_XY, whose
 files often leave the information out, and Vertigo's switches with their priors and edges (``TAG i j switch ...``).
+Course files leave it out of all edges: where no record of a tag has one, it is the identity, and a note says so.
 """
 
 from __future__ import annotations
@@ -56,6 +57,7 @@ G2O = Dialect(
         ParameterTag("PARAMS_CAMERAPARAMETERS", models.CAMERA_PARAMETERS),
     ),
     fix="FIX",
+    bare_edges=True,
     unused=dict.fromkeys(("ROBOTLASER1", "VERTEX_TAG", "VERTEX_ELLIPSE"), "data of the vertex before it")
     | dict.fromkeys(
         ("EDGE_SE2_MAXMIX", "EDGE_SE2_MIXTURE", "EDGE_SE3:QUAT_MIXTURE", "EDGE_SE2_XY_MIXTURE"),

@@ -115,7 +115,7 @@ def _to_world(column: Variables) -> Array:
         turn = so3.to_matrix(np.stack([zero, zero, np.sin(half), np.cos(half)], axis=1))
     else:
         turn = so3.to_matrix(column.values[:, 3:7])
-    if column.kind is models.CAMERA:
+    if column.kind in (models.CAMERA, models.CALIBRATED_CAMERA, models.CAMERA_POSE):
         return turn * [1.0, -1.0, -1.0]
     if column.kind in (models.SBA_CAMERA, models.SE3_EXPMAP):
         return turn

@@ -33,7 +33,7 @@ def read(path: str, *, dialect: str | None = None, lenient: bool = False) -> Fac
         A file, or ``-`` for standard input; gzip and bzip2 are recognized by content, the format by its tags, BAL and
         Bundler by how they begin.
     dialect
-        ``"g2o"``, ``"toro"``, ``"bal"`` or ``"bundler"`` to skip recognition.
+        ``"g2o"``, ``"toro"``, ``"bal"``, ``"bal-pinhole"`` or ``"bundler"`` to skip recognition.
     lenient
         Skip, count and report malformed records instead of raising.
 

@@ -72,7 +72,8 @@ def recognize(path: str, tags: list[str]) -> Dialect:
         (f"  first words of its lines: {seen[:200]}",) * bool(tags)
         + (
             "  expected g2o (VERTEX_SE2, EDGE_SE2, VERTEX_SE3:QUAT, ...), TORO (VERTEX2, EDGE2, VERTEX3, EDGE3),",
-            "  BAL (three counts, then observations: camera point u v) or Bundler (# Bundle file v0.3)",
+            "  BAL (three counts, for pinhole cameras also fx fy cx cy, then observations: camera point u v) or",
+            "  Bundler (# Bundle file v0.3)",
         ),
     )
 

@@ -118,18 +118,27 @@ class Records:
         for record in self.dialect.records:
             if (rows := self.rows.get(record.tag)) is None:
                 continue
+            if self._is_bare(record, rows):
+                continue
             good = np.isin(rows.counts, record.allowed_counts)
             for k in np.flatnonzero(~good).tolist():
                 self._count_defect(record, int(rows.lines[k]), int(rows.counts[k]))
             self.drop(record.tag, good)
+
+    def _is_bare(self, record: Record, rows: Rows) -> bool:
+        """Whether all records of a tag lack their information matrices, and may."""
+        if not self.dialect.bare_edges or not isinstance(record, EdgeTag):
+            return False
+        return bool((rows.counts == record.without_information).all())
 
     def _count_defect(self, record: Record, line: int, found: int) -> None:
         most = max(record.allowed_counts)
         offset = int(self.text.token_start[self.text.first[line] + 1 + most]) if found > most else None
         expected = " or ".join(str(count) for count in sorted(record.allowed_counts))
         hint = f"the layout is {record.layout}"
-        if isinstance(record, EdgeTag) and found == record.ids + record.measurement:
-            hint = f"the information matrix is missing; {hint}"
+        if isinstance(record, EdgeTag) and found == record.without_information:
+            others = " here and not in all records" if self.dialect.bare_edges else ""
+            hint = f"the information matrix is missing{others}; {hint}"
         self.defect(line, offset, f"{record.tag} expects {expected} numbers, found {found}", hint)
 
     def _read_ids(self) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from slamcli import models
 from slamcli.errors import InputError
 from slamcli.geometry import so3
-from slamcli.graph import FactorGraph, Factors, Variables
+from slamcli.graph import FactorGraph, Factors, Variables, camera_intrinsics
 from slamcli.models import VariableKind
 from slamcli.models.base import Array
 
@@ -22,13 +22,26 @@ _PINHOLES = (models.SE3_EXPMAP.name, models.SBA_CAMERA.name)
 
 
 def is_bal(graph: FactorGraph) -> bool:
-    """Whether a graph has BAL's cameras."""
-    return models.CAMERA.name in graph.variables
+    """Whether a graph has BAL's cameras, with their intrinsics or beside them."""
+    return camera_intrinsics.camera_name(graph) is not None
 
 
 def is_pinhole(graph: FactorGraph) -> bool:
     """Whether a graph has g2o's cameras."""
-    return any(name in graph.variables for name in _PINHOLES)
+    return any(name in graph.variables for name in _PINHOLES) and models.PINHOLE_INTRINSICS.name not in graph.variables
+
+
+def to_whole(graph: FactorGraph) -> tuple[FactorGraph, list[str]]:
+    """A scene with intrinsics in every one of its BAL cameras, and what it loses."""
+    name = camera_intrinsics.camera_name(graph)
+    if name in (None, models.CAMERA.name):
+        return graph, []
+    whole = camera_intrinsics.whole(graph)
+    if graph.report is not None and graph.report.format != "bal-pinhole":
+        return whole, []  # they had their own before an option said otherwise
+    count = len(graph.variables[str(name)])
+    what = "one set of intrinsics for" if name == models.CAMERA_POSE.name else "constant intrinsics of"
+    return whole, [f"{what} {count} cameras: each has its own, as unknowns"]
 
 
 def to_g2o(graph: FactorGraph) -> tuple[FactorGraph, list[str]]:
@@ -39,6 +52,7 @@ def to_g2o(graph: FactorGraph) -> tuple[FactorGraph, list[str]]:
     InputError
         If a camera has distortion.
     """
+    graph = camera_intrinsics.whole(graph)
     cameras = graph.variables[models.CAMERA.name]
     distorted = (cameras.values[:, 8:] != 0.0).any(axis=1)
     if distorted.any():

@@ -10,6 +10,7 @@ from slamcli import models
 from slamcli.errors import InputError
 from slamcli.graph import Document, FactorGraph, Factors, ReadingReport, Variables
 from slamcli.graph.columns import IdArray, IndexArray
+from slamcli.graph.depths import depths
 from slamcli.models.base import Array
 
 
@@ -67,7 +68,11 @@ def graph(
     }
     information = np.broadcast_to(np.eye(2), (len(rows), 2, 2))
     factors = [Factors(models.BAL_PROJECTION, rows, pixels, information, tag=source.format, lines=lines)]
-    factors = factors if len(rows) else []
+    return of_columns(source, columns, factors if len(rows) else [])
+
+
+def of_columns(source: Source, columns: dict[str, Variables], factors: list[Factors]) -> FactorGraph:
+    """The graph of the variables and the observations of a scene, with its document and report."""
     none = np.empty(0, dtype=np.intp)
     document = Document(
         raw=source.raw,
@@ -92,13 +97,19 @@ def _oddities(scene: FactorGraph) -> list[str]:
     if not scene.factors:
         return []
     factors, out = scene.factors[0], []
-    with np.errstate(all="ignore"):
-        depth = models.BAL_PROJECTION.depth(factors.gather(scene.values))
+    depth = depths(factors, scene.values)
     if behind := int(np.count_nonzero(depth <= 0.0)):
         out.append(f"{behind} of {len(depth)} observations are of points behind their camera")
     views = np.bincount(factors.indices[:, 1], minlength=scene.landmarks)
     if few := int(np.count_nonzero(views < 2)):
-        out.append(f"{few} points are seen fewer than twice: their distance is not determined")
+        what = "1 point is seen fewer than twice: its" if few == 1 else f"{few} points are seen fewer than twice: their"
+        out.append(f"{what} distance is not determined")
+    pair = factors.indices[:, 0] * (scene.landmarks + 1) + factors.indices[:, 1]
+    if repeated := len(pair) - len(np.unique(pair)):
+        what = "1 observation repeats" if repeated == 1 else f"{repeated} observations repeat"
+        out.append(f"{what} an earlier one of the same camera and point: each counts")
+    if idle := scene.poses - len(np.unique(factors.indices[:, 0])):
+        out.append(f"{idle} camera{'s see' if idle > 1 else ' sees'} nothing")
     return out
 
 
@@ -115,16 +126,17 @@ def _is(one: Factors, other: Factors) -> bool:
     return one is other
 
 
-def require(scene: FactorGraph, name: str) -> None:
-    """Refuse what a format of BAL's cameras cannot express.
+def require(scene: FactorGraph, name: str, projection: models.Projection) -> None:
+    """Refuse what a format of one kind of camera, that of a projection, cannot express.
 
     Raises
     ------
     InputError
         Naming it.
     """
-    bad = [f"{len(c)} {k} vertices" for k, c in scene.variables.items() if k not in (models.CAMERA.name, "XYZ")]
-    bad += [f"{len(f)} {f.tag or f.kind.name} edges" for f in scene.factors if f.kind is not models.BAL_PROJECTION]
+    kinds = [kind.name for kind in projection.variables]
+    bad = [f"{len(c)} {k} vertices" for k, c in scene.variables.items() if k not in kinds]
+    bad += [f"{len(f)} {f.tag or f.kind.name} edges" for f in scene.factors if f.kind is not projection]
     if bad:
         raise InputError(
             f"{name} holds cameras, points and their observations only, not {', '.join(bad)}: nothing is written"
@@ -132,11 +144,11 @@ def require(scene: FactorGraph, name: str) -> None:
 
 
 def losses(scene: FactorGraph, name: str) -> list[str]:
-    """What a graph of cameras and points loses in a format of BAL's cameras, one sentence each."""
+    """What a graph of cameras and points loses in a format of scenes, one sentence each."""
     out = []
     if weighted := sum(int((f.information != np.eye(2)).any(axis=(1, 2)).sum()) for f in scene.factors):
         out.append(f"the information of {weighted} observations: {name} has none, all count the same")
-    if fixed := sum(int(column.fixed.sum()) for column in scene.variables.values()):
+    if fixed := sum(int(c.fixed.sum()) for c in scene.variables.values() if c.kind not in models.INTRINSICS):
         out.append(f"{fixed} fixed vertices: {name} cannot hold vertices fixed")
     return out
 

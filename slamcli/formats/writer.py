@@ -14,10 +14,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from slamcli.errors import InputError, NumericalError
-from slamcli.formats import scene_conversion
+from slamcli.formats import pinhole_conversion, scene_conversion
 from slamcli.formats.dialect import Dialect, EdgeTag, VertexTag
 from slamcli.formats.recognize import DIALECTS, by_name
-from slamcli.formats.scene_formats import SCENE_FORMATS
+from slamcli.formats.scene_formats import SCENE_FORMATS, SceneFormat
 from slamcli.formats.source import write_bytes
 from slamcli.graph import Document, FactorGraph, Factors, Variables
 from slamcli.graph.columns import BoolArray, IdArray, IndexArray, finite_rows
@@ -52,7 +52,8 @@ def write(graph: FactorGraph, path: str, *, dialect: str | None = None, comments
     path
         Where to; ``.gz`` compresses.
     dialect
-        ``"g2o"``, ``"toro"``, ``"bal"`` or ``"bundler"``; the format that it was read from, or g2o, if not given.
+        ``"g2o"``, ``"toro"``, ``"bal"``, ``"bal-pinhole"`` or ``"bundler"``; the format that it was read from, or g2o,
+        if not given.
     comments
         Lines behind a graph made in memory. (In front of it GTSAM's reader would find no edges.)
 
@@ -70,15 +71,16 @@ def render(graph: FactorGraph, dialect: str | None = None, comments: Sequence[st
     """The text of a graph in a dialect (see ``write``)."""
     format = graph.report.format if graph.report is not None else None
     _refuse_not_finite(graph)
-    scene = SCENE_FORMATS.get(dialect or format or ("bal" if scene_conversion.is_bal(graph) else ""))
+    scene = SCENE_FORMATS.get(dialect or format or _scene_of(graph))
     if scene is not None:
-        turned, lost = scene_conversion.to_bal(graph) if scene_conversion.is_pinhole(graph) else (graph, [])
+        turned, lost = _for_scene_format(graph, scene)
         data, losses = scene.render(turned)
         return Rendered(data, lost + losses)
-    if scene_conversion.is_bal(graph):
+    shared = pinhole_conversion.is_shared(graph)
+    if shared or scene_conversion.is_bal(graph):
         if dialect == "toro":
             raise InputError("toro holds poses only, no cameras: nothing is written")
-        turned, lost = scene_conversion.to_g2o(graph)
+        turned, lost = (pinhole_conversion.to_sba if shared else scene_conversion.to_g2o)(graph)
         rendered = _fresh(turned, DIALECTS["g2o"], comments)
         return Rendered(rendered.data, lost + rendered.losses)
     own = DIALECTS[format] if format is not None else None
@@ -88,6 +90,25 @@ def render(graph: FactorGraph, dialect: str | None = None, comments: Sequence[st
     if target is own:
         return _edited(graph, graph.document, target)
     return _translated(graph, graph.document, target)
+
+
+def _scene_of(graph: FactorGraph) -> str:
+    """Name of the format of scenes that a graph made in memory is written in, if any."""
+    if pinhole_conversion.is_shared(graph):
+        return "bal-pinhole"
+    return "bal" if scene_conversion.is_bal(graph) else ""
+
+
+def _for_scene_format(graph: FactorGraph, scene: SceneFormat) -> tuple[FactorGraph, list[str]]:
+    """A graph with the cameras of a format of scenes, and what it loses."""
+    shared = pinhole_conversion.is_shared(graph)
+    if scene.name == "bal-pinhole":
+        return (graph, []) if shared else pinhole_conversion.to_shared(graph)
+    turned, lost = pinhole_conversion.to_sba(graph) if shared else (graph, [])
+    if scene_conversion.is_pinhole(turned):
+        turned, more = scene_conversion.to_bal(turned)
+        return turned, lost + more
+    return scene_conversion.to_whole(turned)
 
 
 def format_records(ids: IdArray, numbers: Array) -> list[str]:

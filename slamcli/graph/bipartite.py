@@ -140,7 +140,7 @@ def bipartite(graph: FactorGraph, chosen: dict[str, BoolArray] | None = None) ->
                 continue
             if len(kinds) == 1:
                 role = PRIOR
-            elif any(kind.space == 0 for kind in kinds):
+            elif SWITCH in kinds:
                 role = CLOSURE  # with a switch
             elif columns.kind.relative_pose:
                 role = CLOSURE if closures[row] else ODOMETRY

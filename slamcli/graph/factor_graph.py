@@ -11,6 +11,7 @@ import numpy as np
 from slamcli.errors import UsageError
 from slamcli.graph.columns import BoolArray, Factors, Values, Variables
 from slamcli.graph.document import Document, ReadingReport
+from slamcli.models import SWITCH
 from slamcli.models.base import Array
 
 
@@ -56,7 +57,7 @@ class FactorGraph:
     @property
     def switches(self) -> int:
         """Number of switches of loop closures."""
-        return sum(len(column) for column in self.variables.values() if column.kind.space == 0)
+        return len(self.variables[SWITCH.name]) if SWITCH.name in self.variables else 0
 
     @property
     def edges(self) -> int:

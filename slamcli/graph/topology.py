@@ -50,7 +50,7 @@ class Topology:
 
 
 def node_columns(graph: FactorGraph) -> dict[str, Variables]:
-    """The columns of variables that are nodes: all but switches."""
+    """The columns of variables that are nodes: all but switches and intrinsics, which are nowhere."""
     return {name: column for name, column in graph.variables.items() if column.kind.space}
 
 

@@ -20,6 +20,16 @@ from slamcli.models.range_bearing import Bearing2D, Range2D, RangeBearing2D
 from slamcli.models.relative_pose_2d import RelativePose2D
 from slamcli.models.relative_pose_2d_chordal import RelativePose2DChordal
 from slamcli.models.relative_pose_3d import RelativePose3D
+from slamcli.models.shared_intrinsics import (
+    BAL_INTRINSICS,
+    CALIBRATED_CAMERA,
+    CAMERA_POSE,
+    INTRINSICS,
+    PINHOLE_INTRINSICS,
+    CalibratedBalProjection,
+    SharedBalProjection,
+    SharedPinholeProjection,
+)
 from slamcli.models.switchable import SwitchableRelativePose, SwitchPrior
 from slamcli.models.variables import SE2, SE3, SWITCH, VARIABLE_KINDS, XY, XYZ
 
@@ -46,6 +56,9 @@ BAL_PROJECTION = BalProjection()
 SBA_PROJECTION = SbaProjection()
 SBA_STEREO_PROJECTION = SbaStereoProjection()
 EXPMAP_PROJECTION = ExpmapProjection()
+CALIBRATED_BAL_PROJECTION = CalibratedBalProjection()
+SHARED_BAL_PROJECTION = SharedBalProjection()
+SHARED_PINHOLE_PROJECTION = SharedPinholeProjection()
 
 #: Kinds of bundle adjustment: what a camera sees.
 PROJECTION_KINDS: tuple[Projection, ...] = (
@@ -53,6 +66,13 @@ PROJECTION_KINDS: tuple[Projection, ...] = (
     SBA_PROJECTION,
     SBA_STEREO_PROJECTION,
     EXPMAP_PROJECTION,
+)
+
+#: What cameras without intrinsics of their own see: constants, or a variable that they share.
+SHARED_PROJECTION_KINDS: tuple[Projection, ...] = (
+    CALIBRATED_BAL_PROJECTION,
+    SHARED_BAL_PROJECTION,
+    SHARED_PINHOLE_PROJECTION,
 )
 
 FACTOR_KINDS: tuple[FactorKind, ...] = (
@@ -77,12 +97,18 @@ FACTOR_KINDS: tuple[FactorKind, ...] = (
 )
 
 __all__ = [
+    "BAL_INTRINSICS",
     "BAL_PROJECTION",
     "BEARING_2D",
+    "CALIBRATED_BAL_PROJECTION",
+    "CALIBRATED_CAMERA",
     "CAMERA",
     "CAMERA_PARAMETERS",
+    "CAMERA_POSE",
     "EXPMAP_PROJECTION",
     "FACTOR_KINDS",
+    "INTRINSICS",
+    "PINHOLE_INTRINSICS",
     "POINT_DIFFERENCE_2D",
     "POINT_DIFFERENCE_3D",
     "POINT_OBSERVATION_2D",
@@ -105,6 +131,9 @@ __all__ = [
     "SE2",
     "SE3",
     "SE3_EXPMAP",
+    "SHARED_BAL_PROJECTION",
+    "SHARED_PINHOLE_PROJECTION",
+    "SHARED_PROJECTION_KINDS",
     "SWITCH",
     "SWITCHABLE_RELATIVE_POSE_2D",
     "SWITCHABLE_RELATIVE_POSE_3D",
@@ -114,5 +143,8 @@ __all__ = [
     "XYZ",
     "FactorKind",
     "Projection",
+    "SbaProjection",
+    "SbaStereoProjection",
+    "SharedPinholeProjection",
     "VariableKind",
 ]

@@ -57,7 +57,7 @@ class Projection(FactorKind):
         """Residuals (m, dimension) in pixels."""
         camera = components(x[self.camera])
         local, _ = _in_camera(camera, components(x[self.point]))
-        residual = np.empty((len(measurement), self.dimension))
+        residual = np.empty((self.dimension, len(measurement))).T
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             self._image(residual, local, _intrinsics(camera, parameter), measurement)
         return residual

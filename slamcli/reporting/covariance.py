@@ -19,6 +19,7 @@ from slamcli.solver.covariance.result import CovarianceResult, Marginals, Relati
 from slamcli.solver.covariance.uncertainty import Uncertainty, uncertainty
 
 _LISTED = 8
+_POSE = 6  # tangent dimensions of a spatial pose
 _WIDEST_JOINT = 12  # larger matrices are for files
 
 
@@ -94,7 +95,7 @@ def covariance_document(
         "input": documents.input_section(result.graph, topology.loop_closure_count, topology.component_count),
         "convention": convention,
         "scale": {"name": result.request.scale, "factor": result.factor},
-        "gauge": {"held": list(result.gauge.held), "reason": result.gauge.reason},
+        "gauge": documents.gauge_section(result.gauge),
         "chi2": result.chi2,
         "dof": result.dof,
         "predicted_decrease": result.predicted_decrease,
@@ -161,6 +162,8 @@ def write_covariances(path: str, result: CovarianceResult, document: dict[str, A
 def gauge_text(result: CovarianceResult) -> str:
     """What was held, and so has no covariance."""
     held = result.gauge.held
+    if not held and result.gauge.frozen:
+        return f"{result.gauge.reason}; covariances are relative to that, and zero there"
     if not held:
         return f"{result.gauge.reason}: nothing is held, all covariances are those in the world"
     ids = ", ".join(map(str, held[:_LISTED])) + (", ..." if len(held) > _LISTED else "")
@@ -240,6 +243,10 @@ def _marginal_table(m: Marginals, quantile: float, probability: float, rows: int
     what = "standard deviations" if listed else f"the {len(order)} {m.kind.name} of largest uncertainty"
     title = f"{what}, and regions of {probability:.4g} probability ({_axes(m.kind)}):"
     header, cells = _columns(m.kind, found)
+    for k, name in list(enumerate(m.kind.components))[_POSE:]:  # the intrinsics of cameras
+        unit = units(m.kind, "slamcli")[k]
+        header.append(f"sigma {name}" + f" {unit}" * (unit != "1"))
+        cells.append([f"{value:.4g}" for value in np.sqrt(np.maximum(m.local[:, k, k], 0.0)).tolist()])
     lines = [("id", *header, "")]
     lines += [(str(m.ids[k]), *(column[k] for column in cells), "held" if m.held[k] else "") for k in order.tolist()]
     return ["", title, *table(lines, ">" * (1 + len(header)) + "<")]

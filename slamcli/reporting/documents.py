@@ -12,6 +12,7 @@ from slamcli.graph import FactorGraph
 
 if TYPE_CHECKING:
     from slamcli.graph.describe import GraphDescription, WorstEdge
+    from slamcli.solver.gauge import Gauge
 
 SCHEMA_VERSION = 1
 
@@ -54,6 +55,17 @@ def input_section(graph: FactorGraph, loop_closures: int, components: int) -> di
         "malformed": report.malformed if report else [],
         "created": {kind: len(ids) for kind, ids in report.created.items()} if report else {},
         "notes": report.notes if report else [],
+    }
+
+
+def gauge_section(gauge: Gauge) -> dict[str, Any]:
+    """The key ``gauge``: what was held, and which freedoms of scenes of cameras there were."""
+    dimensions = [{"id": identifier, "components": list(names)} for identifier, names in gauge.dimensions.items()]
+    return {
+        "held": list(gauge.held),
+        "reason": gauge.reason,
+        "freedoms": gauge.freedoms,
+        "dimensions": dimensions,
     }
 
 

@@ -24,6 +24,8 @@ def line(chi2: float, record: IterationRecord | None) -> str:
     mark = "" if record.accepted else "  rejected"
     if record.step not in ("gauss-newton", "damped"):
         mark = f"  {record.step}{mark}"
+    if record.linear_iterations is not None:
+        mark = f"  cg {record.linear_iterations}{mark}"
     return (
         f"{record.iteration:9d}  {chi2:20.6f}  {record.chi2_change:10.3e}  {record.gradient_norm:9.2e}  "
         f"{record.step_norm:9.2e}  {damping:>9}  {record.trials:6d}  {seconds(record.time):>9}{mark}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from slamcli.graph import FactorGraph, Topology
-from slamcli.reporting import certificate
+from slamcli.reporting import certificate, landmarks
 from slamcli.reporting.summaries import counts, listed, reading_rows, worst_table
 from slamcli.reporting.text import coloured, count, plural, seconds, table
 from slamcli.solver.certificate import CertifiedRun
@@ -45,6 +45,7 @@ def optimize_summary(
         ("gauge", f"{result.gauge.reason}: {ids}" if held else result.gauge.reason),
         ("start", _start(result)),
         *_doubt_rows(result),
+        *landmarks.landmark_rows(result),
         ("status", f"{status}: {result.reason}"),
         *certificate.objective_rows(run),
         *_chi2_rows(result, "chi2" if run.objective == "g2o" else "cost"),
@@ -52,7 +53,7 @@ def optimize_summary(
     if result.dof > 0 and result.options.kernel == "none":
         rows.append((f"{rows[-1][0]}/dof", f"{result.final_chi2 / result.dof:.6g} ({result.dof} degrees of freedom)"))
     if result.sparsity is not None:
-        rows += _sparsity_rows(result.sparsity)
+        rows += _sparsity_rows(result, result.sparsity)
     rows += [
         *certificate.certificate_rows(run, colour),
         ("written", written),
@@ -104,27 +105,31 @@ def _listed_times(times: dict[str, float], names: tuple[str, ...]) -> str:
     return ", ".join(f"{name} {seconds(times[name])}" for name in names if times.get(name))
 
 
-def _sparsity_rows(sparsity: Sparsity) -> list[tuple[str, str]]:
+def _sparsity_rows(result: Result, sparsity: Sparsity) -> list[tuple[str, str]]:
     rows = [
         (
             "hessian",
             f"{sparsity.dimension} x {sparsity.dimension}, {sparsity.nnz_hessian} nonzeros in the triangle, "
             f"density {sparsity.density:.3%}",
         ),
-        (
-            "factor",
-            f"{sparsity.nnz_factor} nonzeros, fill-in {sparsity.fill_in:.2f}, {count(sparsity.factor_flops, 'flop')}, "
-            f"ordering {sparsity.ordering}",
-        ),
     ]
     if (reduced := sparsity.reduced) is not None:
-        how = "factorized as a dense matrix" if reduced.dense else "factorized as a sparse matrix"
-        rows.insert(
-            1,
+        how = _iterated(result) if reduced.nnz is None else f"factorized as a {reduced.solver} matrix"
+        entries = "never formed" if reduced.nnz is None else f"{reduced.nnz} nonzeros in the triangle"
+        size = f"{reduced.dimension} x {reduced.dimension} without {reduced.eliminated}"
+        rows.append(("reduced", f"{size}, {entries}, {how}"))
+    if sparsity.nnz_factor is not None and sparsity.factor_flops is not None:
+        rows.append(
             (
-                "reduced",
-                f"{reduced.dimension} x {reduced.dimension} without {reduced.eliminated}, {reduced.nnz} nonzeros in "
-                f"the triangle, {how}",
-            ),
+                "factor",
+                f"{sparsity.nnz_factor} nonzeros, fill-in {sparsity.fill_in:.2f}, "
+                f"{count(sparsity.factor_flops, 'flop')}, ordering {sparsity.ordering}",
+            )
         )
     return rows
+
+
+def _iterated(result: Result) -> str:
+    """How far conjugate gradients came."""
+    text = f"solved by conjugate gradients: {plural(result.linear_iterations or 0, 'iteration')} in all"
+    return f"{text}, {plural(result.unfinished, 'solution')} left unfinished" if result.unfinished else text

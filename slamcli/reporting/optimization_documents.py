@@ -7,8 +7,8 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from slamcli.graph import FactorGraph, Topology
-from slamcli.reporting import certificate
-from slamcli.reporting.documents import head, input_section
+from slamcli.reporting import certificate, landmarks
+from slamcli.reporting.documents import gauge_section, head, input_section
 from slamcli.solver.certificate import CertifiedRun
 from slamcli.solver.options import OptimizeOptions
 from slamcli.solver.result import Result, StartRecord
@@ -31,7 +31,7 @@ def optimize_document(
         **head("optimize"),
         "input": input_section(source, topology.loop_closure_count, topology.component_count),
         "options": asdict(result.options),
-        "gauge": asdict(result.gauge),
+        "gauge": gauge_section(result.gauge),
         "start": result.start,
         "starts": [_start_entry(start, result) for start in result.starts],
         "doubt": result.doubt,
@@ -40,6 +40,8 @@ def optimize_document(
         "diagnosis": list(result.diagnosis),
         "exit_code": int(run.exit_code),
         "iterations": result.iterations,
+        "linear_iterations": result.linear_iterations,
+        "linear_unfinished": result.unfinished,
         "initial_chi2": result.initial_chi2,
         "final_chi2": result.final_chi2,
         "plain_chi2": result.plain_chi2,
@@ -47,6 +49,7 @@ def optimize_document(
         "kernel_widths": list(result.kernel_widths),
         **certificate.certificate_section(run),
         "dof": result.dof,
+        **landmarks.landmark_section(result),
         "trace": [asdict(record) for record in result.trace],
         "sparsity": None if result.sparsity is None else asdict(result.sparsity),
         "worst": [asdict(edge) for edge in worst],

@@ -28,7 +28,13 @@ def reprojection_lines(
     worst = np.argsort(-np.nan_to_num(after.camera_rms, nan=np.inf), kind="stable")[:_WORST].tolist()
     start = dict(zip(before.cameras.tolist(), before.camera_rms.tolist(), strict=True))
     named = [f"{after.cameras[k]}: {start[int(after.cameras[k])]:.4g} -> {after.camera_rms[k]:.4g}" for k in worst]
-    return ["", *table(rows, "<>>>>>"), f"cameras with the largest rms  {', '.join(named)}"]
+    out = ["", *table(rows, "<>>>>>"), f"cameras with the largest rms  {', '.join(named)}"]
+    if after.behind:
+        share = f"{after.behind} of {int(after.camera_observations.sum())}"
+        out.append(
+            f"{share} observations are of points behind their camera, where no camera sees: their images are mirrored"
+        )
+    return out
 
 
 def reprojection_section(before: Reprojection | None, after: Reprojection | None) -> dict[str, Any] | None:

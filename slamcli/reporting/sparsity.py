@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from slamcli.graph import FactorGraph, Topology
-from slamcli.reporting.documents import head, input_section
+from slamcli.reporting.documents import gauge_section, head, input_section
 from slamcli.reporting.text import count, plural, seconds, table
 from slamcli.solver.ordering.changes import BlockCounts
 from slamcli.solver.ordering.comparison import Comparison, OrderCost
@@ -84,7 +84,7 @@ def sparsity_document(
     return {
         **head("sparsity"),
         "input": input_section(source, topology.loop_closure_count, topology.component_count),
-        "gauge": asdict(comparison.gauge),
+        "gauge": gauge_section(comparison.gauge),
         "hessian": {
             "dimension": pattern.dimension,
             "variables": len(pattern.sizes),

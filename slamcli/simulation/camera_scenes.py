@@ -16,12 +16,15 @@ from slamcli.errors import UsageError
 from slamcli.formats import scenes
 from slamcli.geometry import so3
 from slamcli.graph import FactorGraph
+from slamcli.graph.columns import IndexArray
 from slamcli.models.base import Array
 
 #: The worlds of cameras.
 CAMERA_WORLDS = ("camera-ring", "camera-flight")
 _LEAST_VIEWS = 2
 _DEEPEST = 1e6
+#: Pairs of a camera and a point that are looked at together.
+_PAIRS = 1_000_000
 
 
 @dataclass(frozen=True)
@@ -110,12 +113,7 @@ def simulate_cameras(scene: CameraScene) -> SimulatedScene:
     """
     world, views, noise, start = (np.random.default_rng([scene.seed, k]) for k in range(4))
     cameras, points = _cameras(scene, world), _points(scene, world)
-    rows = np.argwhere(views.random((scene.cameras, scene.points)) < scene.probability)
-    x = cameras[rows[:, 0]], points[rows[:, 1]]
-    with np.errstate(all="ignore"):
-        pixels = models.BAL_PROJECTION.residual(x, np.zeros((len(rows), 2)), None)
-        seen = (models.BAL_PROJECTION.depth(x) > 0.0) & (np.abs(pixels) <= scene.image).all(axis=1)
-    rows, pixels = rows[seen], pixels[seen]
+    rows, pixels = _seen(scene, cameras, points, views)
     enough = np.bincount(rows[:, 1], minlength=scene.points) >= _LEAST_VIEWS
     if not enough.any():
         raise UsageError("no point is seen by two cameras", ("  more cameras, a larger image or another radius help",))
@@ -135,6 +133,22 @@ def simulate_cameras(scene: CameraScene) -> SimulatedScene:
     )
     truth.document = truth.report = None  # made in memory
     return SimulatedScene(scene, truth.with_values(_start(scene, truth, start)), truth, int((~enough).sum()))
+
+
+def _seen(scene: CameraScene, cameras: Array, points: Array, rng: np.random.Generator) -> tuple[IndexArray, Array]:
+    """Which camera sees which point, (m, 2), and at which pixels, (m, 2): some cameras at a time, to save memory."""
+    all_rows, all_pixels = [], []
+    step = max(1, _PAIRS // scene.points)
+    for first in range(0, scene.cameras, step):
+        some = cameras[first : first + step]
+        rows = np.argwhere(rng.random((len(some), scene.points)) < scene.probability)
+        x = some[rows[:, 0]], points[rows[:, 1]]
+        with np.errstate(all="ignore"):
+            pixels = models.BAL_PROJECTION.residual(x, np.zeros((len(rows), 2)), None)
+            seen = (models.BAL_PROJECTION.depth(x) > 0.0) & (np.abs(pixels) <= scene.image).all(axis=1)
+        all_rows.append(rows[seen] + [first, 0])
+        all_pixels.append(pixels[seen])
+    return np.concatenate(all_rows), np.concatenate(all_pixels)
 
 
 def _cameras(scene: CameraScene, rng: np.random.Generator) -> Array:

@@ -16,6 +16,7 @@ from slamcli.solver.options import OptimizeOptions
 from slamcli.solver.policies.steps import Step
 from slamcli.solver.problem import Problem
 from slamcli.solver.result import IterationRecord, Status
+from slamcli.solver.schur import NotSolvedError
 from slamcli.solver.termination import Termination, Verdict
 
 #: Called with the name of a start, its chi2 and no record, then with each iteration's record.
@@ -104,16 +105,19 @@ class Attempt:
 
     def advance(self) -> None:
         """One iteration."""
-        began = time.perf_counter()
+        began, iterations = time.perf_counter(), self.problem.linear_iterations
         try:
             step = self._policy.step(self.problem, self.now)
-        except NotPositiveDefiniteError:
-            return self._fail(self._singular)
+        except NotPositiveDefiniteError as error:
+            found = partial(_not_solved, error=error) if isinstance(error, NotSolvedError) else self._singular
+            return self._fail(found)
         if not step.system.is_finite:
             return self._fail(partial(_not_finite, system=step.system))
         decrease, self.now = self.now.chi2 - step.system.chi2, step.system
         now = time.perf_counter()
-        self._record(step, decrease, now - began)
+        if iterations is not None:
+            iterations = (self.problem.linear_iterations or 0) - iterations
+        self._record(step, decrease, now - began, iterations)
         full_step = partial(self.problem.full_step, self.now)
         self.verdict = self._termination.after(step, decrease, len(self.trace), now - self._began, full_step)
         return None
@@ -134,7 +138,7 @@ class Attempt:
         self.verdict = Verdict(Status.FAILED, reason)
         return details
 
-    def _record(self, step: Step, decrease: float, seconds: float) -> None:
+    def _record(self, step: Step, decrease: float, seconds: float, linear_iterations: int | None) -> None:
         record = IterationRecord(
             iteration=len(self.trace) + 1,
             chi2=step.system.chi2,
@@ -147,6 +151,7 @@ class Attempt:
             accepted=step.accepted,
             step=step.kind,
             time=seconds,
+            linear_iterations=linear_iterations,
         )
         self.trace.append(record)
         self._on_iteration(self.start.name, record.chi2, record)
@@ -161,6 +166,11 @@ class Attempt:
             risen = f"chi2 had risen from {self.initial:.6g} to {self.now.chi2:.6g}: the run was diverging"
             details = (f"{risen} (try --method lm, or another --init)", *details)
         return reason, details
+
+
+def _not_solved(graph: FactorGraph, held: Held, *, error: NotSolvedError) -> tuple[str, tuple[str, ...]]:
+    hint = "H is singular or ill-conditioned: --method lm damps it, --reduced-solver sparse factorizes it"
+    return str(error), (hint,)
 
 
 def _not_finite(graph: FactorGraph, held: Held, *, system: LinearSystem) -> tuple[str, tuple[str, ...]]:

@@ -3,8 +3,8 @@
 What cameras see determines a scene up to place, orientation and scale: H has a null space of seven dimensions, in which
 the gradient has no part. A damped step has none in it either, up to rounding, so Levenberg-Marquardt moves the scene
 along its seven freedoms by nothing that matters and needs nobody to be held; this is what Ceres does. Gauss-Newton and
-dogleg need a regular H: ``--fix`` helps there. Damping is in proportion to the diagonal of H, since a camera's tangent
-dimensions have units as different as radians, pixels and the distortion's 1.
+dogleg need a regular H: ``--gauge first`` gives one. Damping is in proportion to the diagonal of H, since a camera's
+tangent dimensions have units as different as radians, pixels and the distortion's 1.
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ from dataclasses import replace
 import numpy as np
 
 from slamcli.errors import UsageError
-from slamcli.graph import FactorGraph, Variables
+from slamcli.graph import FactorGraph, Variables, camera_intrinsics
 from slamcli.graph.columns import BoolArray, IndexArray
-from slamcli.models import CAMERA, Projection
+from slamcli.graph.topology import node_offsets
+from slamcli.models import BAL_INTRINSICS, CAMERA, PINHOLE_INTRINSICS, Projection
 from slamcli.solver.options import OptimizeOptions
 
 
@@ -43,6 +44,64 @@ def adapted(options: OptimizeOptions, graph: FactorGraph) -> OptimizeOptions:
     if options.method == "auto":
         options = replace(options, method="lm", scaling="marquardt")
     return replace(options, init="file")
+
+
+def require_cameras(graph: FactorGraph, option: str, value: str) -> None:
+    """Refuse an option that is for cameras only where there are none.
+
+    Raises
+    ------
+    UsageError
+        If it is not ``auto``.
+    """
+    if value != "auto" and not has_projections(graph):
+        raise UsageError(f"{option} {value!r} is for cameras that see points, and this graph has none")
+
+
+def with_intrinsics(graph: FactorGraph, intrinsics: str) -> FactorGraph:
+    """The graph with intrinsics as an option says.
+
+    Parameters
+    ----------
+    graph
+        The graph.
+    intrinsics
+        ``auto`` as the file has them, ``fixed`` all of them constants, ``shared`` one unknown set for all cameras,
+        ``free`` unknowns of every camera.
+
+    Raises
+    ------
+    UsageError
+        If the graph has no cameras, or none with such intrinsics.
+    """
+    if intrinsics == "auto":
+        return graph
+    require_cameras(graph, "intrinsics", intrinsics)
+    if PINHOLE_INTRINSICS.name in graph.variables:
+        if intrinsics == "free":
+            raise UsageError("intrinsics 'free': these cameras share one set", ("  --intrinsics shared frees it",))
+        return camera_intrinsics.with_intrinsics_held(graph, intrinsics == "fixed")
+    if camera_intrinsics.camera_name(graph) is None:
+        if intrinsics == "fixed":
+            return graph
+        raise UsageError(
+            f"intrinsics {intrinsics!r}: those of g2o's cameras are constants",
+            ("  slamcli convert --to bal-pinhole makes one set of them, which --intrinsics shared frees",),
+        )
+    if intrinsics == "shared" and BAL_INTRINSICS.name in graph.variables:
+        return graph
+    change = {"fixed": camera_intrinsics.calibrated, "shared": camera_intrinsics.shared}
+    return change.get(intrinsics, camera_intrinsics.whole)(graph)
+
+
+def scenes(graph: FactorGraph, label: IndexArray, count: int) -> BoolArray:
+    """Which of ``count`` components, given those of the nodes, have a camera that sees something."""
+    offsets, out = node_offsets(graph), np.zeros(count, dtype=bool)
+    for factors in graph.factors:
+        kind = factors.kind
+        if isinstance(kind, Projection):
+            out[label[offsets[kind.variables[kind.camera].name] + factors.indices[:, kind.camera]]] = True
+    return out
 
 
 def floating(columns: dict[str, Variables], label: IndexArray, count: int) -> BoolArray:

@@ -7,6 +7,7 @@ import numpy as np
 from slamcli.graph import FactorGraph, Factors
 from slamcli.graph.columns import BoolArray, finite_rows
 from slamcli.graph.topology import component_labels, node_columns, prior_dimensions
+from slamcli.models import Projection
 from slamcli.models.base import Array, norm
 from slamcli.models.information import eigenvalue_range, indefinite
 from slamcli.solver.backends import NotPositiveDefiniteError
@@ -49,7 +50,7 @@ def indefinite_information(graph: FactorGraph) -> tuple[str, tuple[str, ...]] | 
 
 def not_finite(graph: FactorGraph, system: LinearSystem) -> tuple[str, tuple[str, ...]]:
     """Reason and details if chi2, gradient or H hold a NaN or an infinity."""
-    details = []
+    details, overflows = [], []
     for factors in graph.factors:
         with np.errstate(all="ignore"):
             residual, jacobians = factors.linearize(system.values)
@@ -60,15 +61,22 @@ def not_finite(graph: FactorGraph, system: LinearSystem) -> tuple[str, tuple[str
             f"  {edge_name(graph, factors, int(k))}: residual or Jacobian is not finite"
             for k in np.flatnonzero(bad)[:_SHOWN]
         ]
+        huge = np.flatnonzero(~bad & ~np.isfinite(factors.chi2(system.values)))
+        overflows += [
+            f"  {edge_name(graph, factors, int(k))}: chi2 overflows, its residual is {np.abs(residual[k]).max():.3g}"
+            for k in huge[:_SHOWN]
+        ]
     reason = "chi2 or its derivatives are not finite"
-    return reason, tuple(details) or ("  the values have diverged: try --method lm, or another --init",)
+    measured = ", or a measurement is wrong" if overflows else ""
+    diverged = f"  the values have diverged{measured}: try --method lm, or another --init"
+    return reason, tuple(details) or (*overflows, diverged)
 
 
 def not_positive_definite(
     graph: FactorGraph, held: Held, problem: Problem, system: LinearSystem
 ) -> tuple[str, tuple[str, ...]]:
     """Reason and details if H is singular or indefinite: a direction in which chi2 does not rise, by its variables."""
-    details = _gauge_freedom(graph, held)
+    details = _gauge_freedom(graph, held) if len(problem.frozen) == 0 else []
     direction = _flat_direction(problem, system)
     if direction is not None:
         curvature = problem.pattern.quadratic_form(system.hessian, direction)
@@ -77,7 +85,9 @@ def not_positive_definite(
         details.append(f"chi2 does not rise (relative curvature {shown}) along a direction that moves mostly:")
         details += _largest_movers(graph, held, direction)
     other = "" if problem.options.method == "lm" else ", or --method lm"
-    details.append(f"what helps: --fix ID, a prior, more edges at these variables{other}")
+    cameras = any(isinstance(factors.kind, Projection) for factors in graph.factors)
+    first = "--gauge first, " if cameras and len(problem.frozen) == 0 else ""
+    details.append(f"what helps: {first}--fix ID, a prior, more edges at these variables{other}")
     return "the Hessian is not positive definite: the edges do not determine all variables", tuple(details)
 
 

@@ -14,11 +14,12 @@ import numpy as np
 from slamcli.graph import Factors
 from slamcli.graph.columns import IndexArray, Values
 from slamcli.models.base import Array
+from slamcli.solver.block_pieces import BlockPieces
 from slamcli.solver.pattern import BlockPattern, BlockTargets
 from slamcli.solver.robust.loss import Loss
 
 #: Factors in a batch: its arrays stay within a core's second-level cache.
-_BATCH = 4096
+_BATCH = 8192
 #: Factors for each variable of the grouping slot, on average, from which on this pays.
 _PAYS = 32
 #: Factors of one camera in a batch, on average, below which batches are cut another way.
@@ -30,8 +31,12 @@ def suits(factors: Factors) -> bool:
     kinds = factors.kind.variables
     if len(kinds) != 2 or kinds[0] is kinds[1] or len(factors) == 0:
         return False
-    fewest = min(len(np.unique(factors.indices[:, slot])) for slot in (0, 1))
-    return len(factors) >= _PAYS * fewest and _weights(factors) is not None
+    return len(factors) >= _PAYS * min(_joined(factors)) and _weights(factors) is not None
+
+
+def _joined(factors: Factors) -> list[int]:
+    """How many variables of each slot have a factor."""
+    return [int(np.count_nonzero(np.bincount(factors.indices[:, slot]))) for slot in (0, 1)]
 
 
 def _weights(factors: Factors) -> Array | None:
@@ -44,13 +49,17 @@ def _weights(factors: Factors) -> Array | None:
     return weights if same and (weights >= 0.0).all() else None
 
 
-def batches(factors: Factors, targets: BlockTargets, pattern: BlockPattern, loss: Loss | None) -> list[GroupedBatch]:
+def batches(
+    factors: Factors, targets: BlockTargets, pattern: BlockPattern, loss: Loss | None, alone: bool = False
+) -> list[GroupedBatch]:
     """Cut a column of factors into batches of neighbouring points, each sorted by its cameras.
 
     (Points and cameras stand for the variables of the two slots.) H has the blocks of a point together, so that a batch
-    writes to one part of it.
+    writes to one part of it. ``alone`` says that no other column joins variables of these two kinds.
     """
-    one, two = (len(np.unique(factors.indices[:, slot])) for slot in (0, 1))
+    entries = np.sort(targets.entries[2])
+    exclusive = alone and not ((entries[1:] == entries[:-1]) & (entries[1:] >= 0)).any()
+    one, two = _joined(factors)
     many = 0 if one <= two else 1
     cameras, points = factors.indices[:, many], factors.indices[:, 1 - many]
     views = np.bincount(points)
@@ -72,7 +81,7 @@ def batches(factors: Factors, targets: BlockTargets, pattern: BlockPattern, loss
     assert weights is not None
     root = None if (weights == 1.0).all() else np.sqrt(weights)
     return [
-        GroupedBatch(factors, targets, pattern, loss, order[begin:end], many, root, buffer)
+        GroupedBatch(factors, targets, pattern, loss, order[begin:end], many, root, buffer, exclusive)
         for begin, end in zip(cuts[:-1].tolist(), cuts[1:].tolist(), strict=True)
     ]
 
@@ -96,6 +105,8 @@ class GroupedBatch:
         Roots of the weights of the whole column, None where all are 1.
     buffer
         (d, width, >= m) room that batches share.
+    exclusive
+        Whether no other factor joins the same two variables as one of these.
     """
 
     def __init__(
@@ -108,6 +119,7 @@ class GroupedBatch:
         slot: int,
         root: Array | None,
         buffer: Array,
+        exclusive: bool,
     ) -> None:
         self._factors, self._loss, self._rows, self._slot = factors.part(rows), loss, rows, slot
         self._root = None if root is None else root[rows]
@@ -124,22 +136,17 @@ class GroupedBatch:
             for begin, end in zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True)
             if own[begin] >= 0
         ]
-        nowhere = pattern.stored + pattern.dimension
         upright = targets.flipped[rows] == (slot == 1)  # whether the stored block has c's rows
-        both, height = targets.entries[2][rows], pattern.heights[np.maximum(own, other)]
-        down, right = np.where(upright, 1, height), np.where(upright, height, 1)
-        self._both = np.empty((len(rows), p, c), dtype=np.intp)
-        for a in range(c):
-            for b in range(p):
-                self._both[:, b, a] = pattern.base[both] + a * down + b * right
-        self._both[both < 0] = nowhere
-        diagonal = targets.entries[1 - slot][rows]
-        self._points = np.empty((p, p + 1, len(rows)), dtype=np.intp)
+        self._both = BlockPieces(pattern, targets.entries[2][rows], (p, c), upright)
+        self._exclusive = exclusive
+        blocks, self._local = np.unique(other, return_inverse=True)
+        held = int(blocks[0] < 0)
+        blocks, self._held = blocks[held:], held
+        self._points = np.empty((p, p + 1, len(blocks)), dtype=np.intp)
+        inside = np.arange(p)
         for a in range(p):
-            for b in range(p):
-                self._points[a, b] = pattern.base[diagonal] + a + b * pattern.heights[other]
-            self._points[a, p] = pattern.stored + pattern.offsets[other] + a
-        self._points[:, :, other < 0] = nowhere
+            self._points[a, :p] = pattern.diagonal_base[blocks] + a + inside[:, None] * pattern.heights[blocks]
+            self._points[a, p] = pattern.stored + pattern.offsets[blocks] + a
 
     def chi2(self, values: Values) -> float:
         """chi2 (the cost, where there is a loss) of the batch at a state."""
@@ -173,18 +180,19 @@ class GroupedBatch:
             run = self._buffer[:, : c + 1, begin:end]
             total[target] += sum(row[:c] @ row.T for row in run)
         of_c, of_p = self._buffer[:, :c], self._buffer[:, c + 1 :]
-        product = np.empty((p, c, self._both.shape[0]))
+        product = np.empty((p, c, len(self._rows)))
         for a in range(c):
             for b in range(p):
                 _dot(of_c[:, a], of_p[:, b], product[b, a])
-        np.add.at(total, self._both.ravel(), product.transpose(2, 0, 1).ravel())  # in the order of H
-        product = np.empty(self._points.shape)
+        (self._both.write if self._exclusive else self._both.add)(total, product)
+        row = product[0, 0]
         for a in range(p):
-            for b in range(a, p):
-                _dot(of_p[:, a], of_p[:, b], product[a, b])
-                product[b, a] = product[a, b]
-            _dot(of_p[:, a], self._buffer[:, c], product[a, p])
-        np.add.at(total, self._points.ravel(), product.ravel())
+            for b in range(a, p + 1):
+                _dot(of_p[:, a], of_p[:, b] if b < p else self._buffer[:, c], row)
+                sums = np.bincount(self._local, row)[self._held :]
+                total[self._points[a, b]] += sums
+                if a < b < p:
+                    total[self._points[b, a]] += sums
 
 
 def _dot(one: Array, other: Array, out: Array) -> None:

@@ -10,6 +10,7 @@ With e(x + J delta) to first order, chi2(x (+) delta) = chi2 + 2 g^T delta + del
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -20,6 +21,7 @@ from slamcli.graph.columns import IndexArray, Values
 from slamcli.models.base import Array
 from slamcli.solver import grouped_batches
 from slamcli.solver import pattern as patterns
+from slamcli.solver.freedoms import Frozen
 from slamcli.solver.gauge import Held
 from slamcli.solver.grouped_batches import GroupedBatch
 from slamcli.solver.robust.loss import Loss, Losses
@@ -76,20 +78,38 @@ class Linearizer:
         Where the time goes.
     losses
         What the squared residuals count, for each column of factors; None for plain least squares.
+    frozen
+        Single tangent dimensions that do not move either.
+
+    Attributes
+    ----------
+    frozen
+        Their scalar rows of H, of which only the diagonal entries are left, so that steps are zero there.
     """
 
-    def __init__(self, graph: FactorGraph, held: Held, stopwatch: Stopwatch, losses: Losses | None = None) -> None:
+    def __init__(
+        self,
+        graph: FactorGraph,
+        held: Held,
+        stopwatch: Stopwatch,
+        losses: Losses | None = None,
+        frozen: Frozen | None = None,
+    ) -> None:
         self.graph = graph
         self.losses: Losses = losses or [None] * len(graph.factors)
         self.stopwatch = stopwatch
         self.free = {name: np.flatnonzero(~held[name]) for name in graph.variables}
         grouped = [grouped_batches.suits(factors) for factors in graph.factors]
         self.pattern, targets = patterns.build(graph, held, grouped)
+        self.frozen, self._silent = _silenced(graph, held, self.pattern, frozen or {})
+        self._memory: list[Array] = []
         self._batches: list[_Batch | GroupedBatch] = []
         self._grouped: list[list[GroupedBatch]] = []
         for factors, target, loss in zip(graph.factors, targets, self.losses, strict=True):
             if isinstance(target, patterns.BlockTargets):
-                self._grouped.append(grouped_batches.batches(factors, target, self.pattern, loss))
+                joined = set(factors.kind.variables)
+                alone = sum(joined <= set(other.kind.variables) for other in graph.factors) == 1
+                self._grouped.append(grouped_batches.batches(factors, target, self.pattern, loss, alone))
                 self._batches += self._grouped[-1]
             else:
                 self._grouped.append([])
@@ -98,14 +118,25 @@ class Linearizer:
     def linearize(self, values: Values) -> LinearSystem:
         """chi2, gradient and H at a state."""
         stored, dimension = self.pattern.stored, self.pattern.dimension
-        total, chi2 = np.zeros(stored + dimension + 1), 0.0
+        total, chi2 = self._zeros(stored + dimension + 1), 0.0
         with np.errstate(all="ignore"):
             for batch in self._batches:
                 with self.stopwatch.phase("linearize"):
                     chi2 += batch.linearize(values)
                 with self.stopwatch.phase("assemble"):
                     batch.add_to(total)
+        if len(self._silent):
+            total[self._silent] = 0.0
         return LinearSystem(values, chi2, total[:stored], total[stored : stored + dimension])
+
+    def _zeros(self, size: int) -> Array:
+        """Zeros, in the memory of a system that nobody has any more: fresh memory costs as much as adding to it."""
+        for k in range(len(self._memory)):
+            if sys.getrefcount(self._memory[k]) <= 2:  # the list's and the argument's; arrays are views of it
+                self._memory[k].fill(0.0)
+                return self._memory[k]
+        self._memory.append(np.zeros(size))
+        return self._memory[-1]
 
     def chi2(self, values: Values) -> float:
         """chi2 at a state, without the derivatives."""
@@ -204,6 +235,25 @@ def _batches(factors: Factors, targets: list[IndexArray], loss: Loss | None) -> 
     for start in range(0, len(factors), size):
         rows = slice(start, start + size)
         yield _Batch(factors.part(rows), [slot[rows] for slot in targets], workspace, loss, rows)
+
+
+def _silenced(
+    graph: FactorGraph, held: Held, pattern: patterns.BlockPattern, frozen: Frozen
+) -> tuple[IndexArray, IndexArray]:
+    """Scalar rows of frozen dimensions, and the positions of what they have in H and gradient but the diagonal."""
+    parts = [
+        frozen[name][~held[name]].ravel()
+        if name in frozen
+        else np.zeros(int((~held[name]).sum()) * column.kind.dimension, dtype=bool)
+        for name, column in graph.variables.items()
+    ]
+    mask = np.concatenate(parts)
+    rows = np.flatnonzero(mask)
+    if len(rows) == 0:
+        return rows, rows
+    off = pattern.scalar_rows != pattern.scalar_columns
+    entries = np.flatnonzero((mask[pattern.scalar_rows] | mask[pattern.scalar_columns]) & off)
+    return rows, np.concatenate([entries, pattern.stored + rows])
 
 
 def _cost(squared: Array, loss: Loss | None) -> Array:

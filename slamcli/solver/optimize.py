@@ -10,7 +10,7 @@ from typing import Any
 
 from slamcli.errors import InputError, NumericalError
 from slamcli.graph import FactorGraph
-from slamcli.solver import bundle, diagnosis, gauge, initialization, multistart
+from slamcli.solver import bundle, diagnosis, gauge, initialization, multistart, scene_checks
 from slamcli.solver.attempt import Attempt, OnIteration
 from slamcli.solver.initialization import Start
 from slamcli.solver.options import OptimizeOptions
@@ -63,11 +63,19 @@ def optimize(
     elif keywords:
         raise TypeError("give either options or keywords")
     watch: OnIteration = on_iteration or (lambda start, chi2, record: None)
-    if options.robust != "none":
-        from slamcli.solver.robust.run import run  # it optimizes, too
 
-        return run(graph, options, watch, interrupted)
-    return _Run(graph, options, watch, interrupted).result()
+    def once(graph: FactorGraph, options: OptimizeOptions) -> Result:
+        if options.robust != "none":
+            from slamcli.solver.robust.run import run  # it optimizes, too
+
+            return run(graph, options, watch, interrupted)
+        return _Run(graph, options, watch, interrupted).result()
+
+    if graph.landmarks == 0:
+        return once(graph, options)
+    from slamcli.solver import landmark_run  # most graphs do without
+
+    return landmark_run.run(graph, options, once)
 
 
 class _Run:
@@ -76,7 +84,7 @@ class _Run:
     def __init__(
         self, graph: FactorGraph, options: OptimizeOptions, on_iteration: OnIteration, interrupted: Callable[[], bool]
     ) -> None:
-        self.graph = graph.with_fixed(options.fix)
+        self.graph = bundle.with_intrinsics(graph, options.intrinsics).with_fixed(options.fix)
         self.options = bundle.adapted(options, graph)
         self.on_iteration = on_iteration
         self.interrupted = interrupted
@@ -88,11 +96,13 @@ class _Run:
     def result(self) -> Result:
         if not self.graph.factors:
             raise InputError("the graph has no edge that slamcli can use: nothing to optimize")
+        scene_checks.require_finite(self.graph)
         with self.stopwatch.phase("gauge"):
-            self.gauge, self.held = gauge.choose(self.graph)
+            self.gauge, self.held = gauge.choose(self.graph, self.options.gauge)
         with self.stopwatch.phase("check"):
             defect = diagnosis.indefinite_information(self.graph)
         try:
+            scene_checks.check(self.graph)
             if defect is not None:
                 return self._not_started(Verdict(Status.FAILED, defect[0]), defect[1])
             if all(mask.all() for mask in self.held.values()):
@@ -104,7 +114,7 @@ class _Run:
 
     def _problem(self) -> Problem:
         losses = kernels.losses(self.graph, self.options)
-        return Problem(self.graph, self.held, self.options, self.stopwatch, losses=losses)
+        return Problem(self.graph, self.held, self.options, self.stopwatch, losses, frozen=self.gauge.frozen)
 
     def _single(self) -> Result:
         """One run from the start that was asked for."""
@@ -116,7 +126,7 @@ class _Run:
     def _automatic(self) -> Result:
         """See ``multistart``."""
         problem = self._problem()
-        dof = None if problem.robust else self.graph.degrees_of_freedom(self.held)
+        dof = None if problem.robust else self.gauge.degrees_of_freedom(self.graph, self.held)
 
         def chi2(start: Start) -> float:
             cost = problem.chi2(start.values)
@@ -188,7 +198,7 @@ class _Run:
             start=start.words,
             initial_chi2=initial,
             final_chi2=initial if attempt is None else attempt.chi2,
-            dof=self.graph.degrees_of_freedom(self.held),
+            dof=self.gauge.degrees_of_freedom(self.graph, self.held),
             trace=[] if attempt is None else attempt.trace,
             starts=list(self.starts.values()),
             doubt=self.doubt,

@@ -11,7 +11,10 @@ INITS = ("file", "odometry", "spanning-tree", "chordal", "auto")
 ORDERINGS = ("auto", "amd", "colamd", "metis", "rcm", "natural", "amd-landmarks-first", "amd-last-pose-last")
 LINEAR_SOLVERS = ("cholmod", "superlu", "pardiso")
 ELIMINATIONS = ("auto", "none", "schur")
+REDUCED_SOLVERS = ("auto", "dense", "sparse", "iterative")
 SCALINGS = ("none", "marquardt")
+GAUGES = ("auto", "free", "first")
+INTRINSICS = ("auto", "fixed", "shared", "free")
 KERNELS = (
     "none",
     "huber",
@@ -55,9 +58,17 @@ class OptimizeOptions:
         ``cholmod``, ``superlu`` or ``pardiso``.
     elimination
         ``none``, ``schur`` (points first, block by block: see ``solver.schur``), or ``auto``: that where it saves time.
+    reduced_solver
+        How the system that is left after an elimination is solved: ``dense`` or ``sparse`` factorization, ``iterative``
+        (conjugate gradients: see ``solver.schur.implicit``), or ``auto``: whichever is expected to be fastest.
     scaling
         Damping of Levenberg-Marquardt: ``none`` adds lambda to the diagonal of H as g2o does, ``marquardt`` adds
         lambda times the diagonal.
+    gauge
+        What is held in scenes of cameras (see ``gauge.choose``).
+    intrinsics
+        What intrinsics of cameras are: as the file has them (``auto``), constants (``fixed``), one unknown set for all
+        cameras (``shared``), or unknowns of each (``free``).
     kernel
         Robust kernel, ``none`` for least squares (see ``robust.kernels``).
     kernel_width
@@ -82,7 +93,10 @@ class OptimizeOptions:
     ordering: str = "auto"
     linear_solver: str = "cholmod"
     elimination: str = "auto"
+    reduced_solver: str = "auto"
     scaling: str = "none"
+    gauge: str = "auto"
+    intrinsics: str = "auto"
     kernel: str = "none"
     kernel_width: float | None = None
     kernel_on: str = "closures"
@@ -97,13 +111,21 @@ class OptimizeOptions:
             ("ordering", ORDERINGS),
             ("linear_solver", LINEAR_SOLVERS),
             ("elimination", ELIMINATIONS),
+            ("reduced_solver", REDUCED_SOLVERS),
             ("scaling", SCALINGS),
+            ("gauge", GAUGES),
+            ("intrinsics", INTRINSICS),
             ("kernel", KERNELS),
             ("kernel_on", KERNEL_ON),
             ("robust", ROBUST),
         ):
             if getattr(self, name) not in allowed:
                 raise UsageError(f"{name} {getattr(self, name)!r} does not exist", (f"  one of: {', '.join(allowed)}",))
+        if self.elimination == "none" and self.reduced_solver != "auto":
+            raise UsageError(
+                f"reduced_solver {self.reduced_solver!r} solves what an elimination leaves",
+                ("  --elimination schur makes one",),
+            )
         if not self.tolerance >= 0.0:
             raise UsageError(f"tolerance must be zero or positive, got {self.tolerance}")
         if self.max_iterations < 0:

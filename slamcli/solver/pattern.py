@@ -176,20 +176,24 @@ def build(graph: FactorGraph, held: Held, blockwise: Sequence[bool] = ()) -> tup
     keys = []
     for factors in graph.factors:
         blocks = [number[kind.name][factors.indices[:, s]] for s, kind in enumerate(factors.kind.variables)]
-        for _, _, low, high, use in _slot_pairs(blocks):
-            keys.append(np.where(use, high * count + low, -1))
+        keys += [np.where(use, high * count + low, -1) for s, t, low, high, use in _slot_pairs(blocks) if s != t]
     keys.append(np.arange(count) * (count + 1))  # every free variable has a diagonal block
     unique, inverse = np.unique(np.concatenate(keys), return_inverse=True)
     skipped = int(len(unique) > 0 and unique[0] < 0)
     columns, rows = np.divmod(unique[skipped:], max(count, 1))
     pattern = BlockPattern(sizes, rows, columns, _pose_rank(graph, held))
-    entries = iter(np.split(inverse - skipped, np.cumsum([len(k) for k in keys])[:-1]))
+    *crossing, diagonal = np.split(inverse - skipped, np.cumsum([len(k) for k in keys])[:-1])
+    diagonal = np.append(diagonal, -1)  # of what is held, whose number is -1
+    entries = iter(crossing)
     targets: Targets = []
     for column, factors in enumerate(graph.factors):
         kinds = factors.kind.variables
         blocks = [number[kind.name][factors.indices[:, s]] for s, kind in enumerate(kinds)]
         if blockwise and blockwise[column]:
-            used = [(np.where(use, next(entries), -1)) for _, _, _, _, use in _slot_pairs(blocks)]
+            used = [
+                np.where(use, diagonal[blocks[s]] if s == t else next(entries), -1)
+                for s, t, _, _, use in _slot_pairs(blocks)
+            ]
             targets.append(BlockTargets(blocks, (used[0], used[2], used[1]), blocks[0] > blocks[1]))
             continue
         widths = [kind.dimension for kind in kinds]
@@ -197,7 +201,8 @@ def build(graph: FactorGraph, held: Held, blockwise: Sequence[bool] = ()) -> tup
         for s, t, _, high, use in _slot_pairs(blocks):
             start = sum(widths[s:t])
             part = slots[s][:, :, start : start + widths[t]]
-            _block_targets(part, pattern, next(entries), high, blocks[s] > blocks[t], use)
+            entry = diagonal[high] if s == t else next(entries)
+            _block_targets(part, pattern, entry, high, blocks[s] > blocks[t], use)
         for s, own in enumerate(blocks):
             _gradient_targets(slots[s][:, :, -1], pattern, own)
         targets.append(slots)

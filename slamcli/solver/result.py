@@ -17,8 +17,10 @@ from slamcli.solver.symbolic import Sparsity
 if TYPE_CHECKING:
     from slamcli.solver.attempt import Attempt
     from slamcli.solver.initialization import Start
+    from slamcli.solver.landmark_sides import Ambiguous
     from slamcli.solver.problem import Problem
     from slamcli.solver.robust.rejection import Rejection
+    from slamcli.solver.under_observed import HeldBack, UnderObserved
 
 
 class Status(StrEnum):
@@ -70,7 +72,10 @@ class IterationRecord:
     gain_ratio
         Decrease of chi2 over the decrease that the quadratic model promised, None where that is not known.
     stage
-        Of a robust run: ``gnc`` or ``gnc-gm`` and mu, then ``set``; None in the final optimization and in other runs.
+        Of a robust run: ``gnc`` or ``gnc-gm`` and mu, then ``set``. Of a run that takes landmarks in when the poses
+        determine them: without how many of them. None in the final optimization and in other runs.
+    linear_iterations
+        Iterations of conjugate gradients, of all its trials; None where matrices are factorized.
     """
 
     iteration: int
@@ -85,6 +90,7 @@ class IterationRecord:
     time: float
     gain_ratio: float | None = None
     stage: str | None = None
+    linear_iterations: int | None = None
 
 
 @dataclass(frozen=True)
@@ -162,6 +168,14 @@ class Result:
     rejection
         Which loop closures a robust run rejected; None in other runs. ``final_chi2`` and ``dof`` then cover what is
         kept.
+    under_observed
+        Landmarks that were held back with their edges, since these do not determine them.
+    ambiguous
+        Landmarks with a second place that fits their edges as well.
+    held_back
+        What was left out, None if nothing was.
+    reduced
+        The graph that was optimized then; ``optimized`` is it or ``graph``.
     """
 
     graph: FactorGraph
@@ -180,6 +194,15 @@ class Result:
     time: dict[str, float] = field(default_factory=dict)
     problem: Problem | None = None
     rejection: Rejection | None = None
+    under_observed: tuple[UnderObserved, ...] = ()
+    ambiguous: tuple[Ambiguous, ...] = ()
+    held_back: HeldBack | None = None
+    reduced: FactorGraph | None = None
+
+    @property
+    def optimized(self) -> FactorGraph:
+        """The graph whose chi2 was minimized, at the final values: ``graph`` without what was held back."""
+        return self.graph if self.reduced is None else self.reduced
 
     @cached_property
     def sparsity(self) -> Sparsity | None:
@@ -190,23 +213,35 @@ class Result:
     def plain_chi2(self) -> float:
         """Sum of e^T Omega e over all edges at the end, whatever was minimized."""
         plain = self.options.kernel == "none" and self.options.robust == "none"
-        return self.final_chi2 if plain else self.graph.chi2()
+        return self.final_chi2 if plain else self.optimized.chi2()
 
     @cached_property
     def kernel_edges(self) -> int:
         """Number of edges on which the robust kernel acts."""
-        return sum(int(mask.sum()) for mask in kernels.affected(self.graph, self.options))
+        return sum(int(mask.sum()) for mask in kernels.affected(self.optimized, self.options))
 
     @cached_property
     def kernel_widths(self) -> tuple[float, ...]:
         """Widths of the robust kernel: one for each dimension of the edges on which it acts, where none was given."""
-        masks = zip(self.graph.factors, kernels.affected(self.graph, self.options), strict=True)
+        factors = self.optimized.factors
+        masks = zip(factors, kernels.affected(self.optimized, self.options), strict=True)
         return tuple(sorted({kernels.width(self.options, f.kind.dimension) for f, mask in masks if mask.any()}))
 
     @property
     def iterations(self) -> int:
         """Number of iterations."""
         return len(self.trace)
+
+    @property
+    def linear_iterations(self) -> int | None:
+        """Iterations of conjugate gradients in the trace; None where matrices are factorized."""
+        counts = [record.linear_iterations for record in self.trace if record.linear_iterations is not None]
+        return sum(counts) if self.problem is not None and self.problem.iterative else None
+
+    @property
+    def unfinished(self) -> int | None:
+        """See ``Problem.unfinished``; None where matrices are factorized."""
+        return self.problem.unfinished if self.problem is not None and self.problem.iterative else None
 
     @property
     def exit_code(self) -> ExitCode:

@@ -17,7 +17,9 @@ EDGE_SE2 0 1 1 0 0 {INFO}
 EDGE_SE2 1 2 1 0 0 {INFO}
 EDGE_SE2 0 2 1.6 0 0 {INFO}
 """
-#: A landmark that a single bearing sees: H is singular.
+#: A pose whose orientation nothing tells: H is singular.
+LOOSE = "VERTEX_SE2 77 0 0 0\nEDGE_PRIOR_SE2_XY 77 0.1 0 10 0 10\n"
+#: A landmark that a single bearing sees: H is singular with it, and `optimize` holds it back.
 SINGULAR = f"""\
 VERTEX_SE2 0 0 0 0
 VERTEX_SE2 1 1 0 0

@@ -12,7 +12,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from command_line import LINE, SINGULAR, environment, manhattan, start
+from command_line import LINE, LOOSE, environment, manhattan, start
 from support import BUNDLED
 
 import slamcli
@@ -78,7 +78,7 @@ def test_no_iterations_where_nobody_watches(capsys: pytest.CaptureFixture[str]) 
 
 def test_a_failure_leaves_the_old_output(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     source, target = tmp_path / "in.g2o", tmp_path / "out.g2o"
-    source.write_text(SINGULAR)
+    source.write_text(LOOSE)
     target.write_text("what was there before")
     assert main(["optimize", str(source), "-o", str(target)]) == 5
     assert target.read_text() == "what was there before"

@@ -25,7 +25,7 @@ SHELL = [
 ]
 BASH = shutil.which("bash")
 #: Keys whose value is a table by tag or by kind: its keys are data.
-_TABLES = {"by_tag", "skipped", "created", "scenario", "readings_by_kind"}
+_TABLES = {"by_tag", "skipped", "created", "scenario", "readings_by_kind", "versions", "parameters"}
 
 
 @pytest.fixture
@@ -96,6 +96,9 @@ def test_every_tag_is_listed(name):
         "ekf circle --set poses=30 --set landmarks.count=5 --runs 2 --json",
         "compare datasets/landmarks_small.g2o --truth datasets/truth/landmarks_small.g2o --json",
         "compare --scaling 30,40,50 --json",
+        "datasets list --json",
+        "datasets show square_toro --json",
+        "datasets verify --deep --json",
         "inject datasets/manhattan_small.g2o -o x.g2o --false-closures 5 --corrupt-odometry 2 --perturb 0.1 --json",
         "evaluate datasets/landmarks_small.g2o --truth datasets/truth/landmarks_small.g2o --dead-reckoning --json",
         "predict --pose 2,1,30deg --landmark 5,5 --reading 5.2,21deg --noise 0.1,2deg --json",
@@ -103,6 +106,7 @@ def test_every_tag_is_listed(name):
         "graph datasets/landmarks_small.g2o --ids 5 --hops 1 --eliminate natural --json",
         "marginalize datasets/landmarks_small.g2o --keep every:10 --sparsify chow-liu --json",
         "sparsity datasets/landmarks_small.g2o --orderings auto,natural --add-closure 3,90 --json",
+        "bench datasets/landmarks_small.g2o --param method=gn --runs 1 --json",
     ],
 )
 def test_every_json_key_is_explained(words, checkout):

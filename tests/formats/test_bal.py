@@ -103,7 +103,7 @@ def test_ids_lines_and_report(tmp_path: Path) -> None:
     assert graph.variables["CAMERA"].ids.tolist() == [0, 1]
     assert graph.variables["XYZ"].ids.tolist() == [2, 3]
     assert graph.factors[0].lines.tolist() == [2, 3, 4]
-    assert graph.report.notes == ["1 points are seen fewer than twice: their distance is not determined"]
+    assert graph.report.notes == ["1 point is seen fewer than twice: its distance is not determined"]
     unplaced = read(str(write_file(tmp_path, BUNDLE, "bundle.out")))
     assert unplaced.report is not None
     assert unplaced.variables["CAMERA"].ids.tolist() == [0, 2]

@@ -43,10 +43,14 @@ def in_units(graph: FactorGraph, scale: float) -> FactorGraph:
 def test_chi2_never_rises(name: str, method: str) -> None:
     graph = bundled(name) if "SE3" in bundled(name).variables else spoiled(name, 3.1)
     result = from_file(graph, method=method)
-    before = result.initial_chi2
+    before, stage = result.initial_chi2, result.trace[0].stage
     for record in result.trace:
+        if record.stage != stage:  # with more landmarks there is more chi2
+            before, stage = record.chi2 - record.chi2_change, record.stage
         assert record.chi2 <= before
-        assert record.chi2_change == record.chi2 - before
+        assert record.chi2_change == pytest.approx(
+            record.chi2 - before, abs=0.0 if stage == result.trace[0].stage else 1e-9 * before
+        )
         if not record.accepted:
             assert record.chi2 == before
         before = record.chi2
@@ -129,7 +133,7 @@ def test_damped_step_solves_the_damped_system(scaling: str) -> None:
     problem = make_problem(graph)
     system = problem.linearize(graph.values)
     diagonal = problem.diagonal(system)
-    damping = 1e-5 * (diagonal if scaling == "marquardt" else np.full_like(diagonal, diagonal.max()))
+    damping = 1e-4 * diagonal if scaling == "marquardt" else np.full_like(diagonal, 1e-5 * diagonal.max())
     wanted = np.linalg.norm(problem.solve(system, damping))
     result = from_file(graph, method="lm", scaling=scaling, max_iterations=1)
     assert result.trace[0].trials == 1

@@ -103,7 +103,7 @@ def run(
         raise UsageError("there is no certificate for a robust estimate", hint)
     if objective == "g2o":
         result = optimize(graph, options=options, on_iteration=on_iteration, interrupted=interrupted)
-        outcome = CertifiedRun(objective, result, result.graph)
+        outcome = CertifiedRun(objective, result, result.optimized)
     else:
         transformed = isotropic.transform(graph)
         found = optimize(transformed, options=options, on_iteration=on_iteration, interrupted=interrupted)

@@ -35,8 +35,14 @@ def tangent(kind: VariableKind, convention: str) -> tuple[str, ...]:
 
 
 def units(kind: VariableKind, convention: str) -> tuple[str, ...]:
-    """Units of the tangent dimensions: ``m``, ``rad``, or ``1`` for parts of a quaternion."""
-    return tuple("m" if name in "xyz" else "1" if name.startswith("q") else "rad" for name in tangent(kind, convention))
+    """Units of the tangent dimensions: ``m``, ``rad``, ``px``, or ``1`` for parts of a quaternion and distortion."""
+    return tuple(_unit(name) for name in tangent(kind, convention))
+
+
+def _unit(name: str) -> str:
+    if name in ("f", "fx", "fy", "cx", "cy"):
+        return "px"
+    return "m" if name in "xyz" else "1" if name.startswith(("q", "k")) else "rad"
 
 
 def frame(kind: VariableKind, convention: str) -> str:

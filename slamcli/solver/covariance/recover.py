@@ -10,6 +10,7 @@ import numpy as np
 from slamcli.errors import NumericalError, UsageError
 from slamcli.graph import FactorGraph
 from slamcli.graph.columns import IndexArray
+from slamcli.models import INTRINSICS
 from slamcli.models.base import Array
 from slamcli.solver.covariance import conventions
 from slamcli.solver.covariance.recovery import CovarianceRecovery, Member
@@ -17,15 +18,16 @@ from slamcli.solver.covariance.relative import relative
 from slamcli.solver.covariance.result import CovarianceRequest, CovarianceResult, Cross, Joint, Marginals, Relative
 
 
-def find(graph: FactorGraph, identifier: int) -> Member:
-    """The pose or point of an id.
+def find(graph: FactorGraph, identifier: int, *, intrinsics: bool = False) -> Member:
+    """The pose or point of an id, or also the intrinsics that cameras share.
 
     Raises
     ------
     UsageError
         If there is none.
     """
-    columns = {name: c for name, c in graph.variables.items() if c.kind.space and len(c)}  # all but switches
+    others = INTRINSICS if intrinsics else ()
+    columns = {name: c for name, c in graph.variables.items() if (c.kind.space or c.kind in others) and len(c)}
     for name, column in columns.items():
         row = column.row_of(identifier)
         if row >= 0:
@@ -46,7 +48,7 @@ def recover(recovery: CovarianceRecovery, request: CovarianceRequest) -> Covaria
     """
     graph = recovery.graph
     chosen = _chosen(graph, request)
-    joint = [find(graph, identifier) for identifier in request.joint]
+    joint = [find(graph, identifier, intrinsics=True) for identifier in request.joint]
     pairs = [(find(graph, i), find(graph, j)) for i, j in request.relative]
     if len(set(joint)) < len(joint):
         raise UsageError("an id occurs twice in --joint")

@@ -15,7 +15,7 @@ from slamcli.errors import InputError, NumericalError
 from slamcli.graph import FactorGraph
 from slamcli.graph.columns import IndexArray
 from slamcli.models.base import Array
-from slamcli.solver import diagnosis, gauge
+from slamcli.solver import bundle, diagnosis, gauge, scene_checks
 from slamcli.solver.backends import NotPositiveDefiniteError
 from slamcli.solver.covariance.rounding import regular_by_rounding
 from slamcli.solver.covariance.selected_inverse import selected_inverse
@@ -39,7 +39,8 @@ class CovarianceRecovery:
     options
         Elimination order, linear solver and what is held on top of what the graph holds.
     problem
-        The linear problem of a run on the same graph, to use its pattern and order again; None to make one.
+        The linear problem of a run on the same graph, to use its pattern and order again; None to make one, as where
+        that run iterated instead of factorizing.
 
     Raises
     ------
@@ -53,14 +54,19 @@ class CovarianceRecovery:
         self, graph: FactorGraph, options: OptimizeOptions | None = None, problem: Problem | None = None
     ) -> None:
         self.options = options or OptimizeOptions()
-        self.graph = graph.with_fixed(self.options.fix)
+        self.graph = bundle.with_intrinsics(graph, self.options.intrinsics).with_fixed(self.options.fix)
         _check(self.graph)
-        self.gauge, self.held = gauge.choose(self.graph)
+        scene_checks.require_finite(self.graph)
+        scene_checks.check(self.graph)
+        cameras = bundle.has_projections(self.graph)  # whose gauge must not be left free here
+        self.gauge, self.held = gauge.choose(self.graph, "first" if cameras else "auto")
         self.chi2 = self.graph.chi2()
-        self.dof = self.graph.degrees_of_freedom(self.held)
-        self.problem = problem
-        if problem is None and not all(mask.all() for mask in self.held.values()):
-            self.problem = Problem(self.graph, self.held, self.options, Stopwatch())
+        self.dof = self.gauge.degrees_of_freedom(self.graph, self.held)
+        self.problem = None if cameras or problem is None or problem.iterative else problem
+        if self.problem is None and not all(mask.all() for mask in self.held.values()):
+            self.problem = Problem(
+                self.graph, self.held, self.options, Stopwatch(), factorized=True, frozen=self.gauge.frozen
+            )
 
     @cached_property
     def _system(self) -> LinearSystem:
@@ -93,13 +99,29 @@ class CovarianceRecovery:
         """Values of H^-1 on the pattern of H."""
         problem = self.problem
         assert problem is not None
+        pattern, root = problem.pattern, self._scale
+        scale = root[pattern.scalar_rows] * root[pattern.scalar_columns]
         try:
-            out = selected_inverse(problem.pattern, problem.permutation, self._system.hessian)
+            out = scale * selected_inverse(pattern, problem.permutation, scale * self._system.hessian)
         except NotPositiveDefiniteError:
             raise self._singular() from None
+        out[pattern.diagonal[problem.frozen]] = 0.0
         if regular_by_rounding(self.graph, self.held, problem, self._system, out):
             raise self._singular()
         return out
+
+    @cached_property
+    def _scale(self) -> Array:
+        """What rows and columns of H are multiplied with before it is factorized: for cameras, to a diagonal of 1.
+
+        Their tangent dimensions have units as different as radians, pixels and the distortion's 1, and pivots of
+        points far away are as small beside those as rounding.
+        """
+        assert self.problem is not None
+        diagonal = self.problem.diagonal(self._system)
+        if not bundle.has_projections(self.graph):
+            return np.ones_like(diagonal)
+        return np.where(diagonal > 0.0, 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 1.0)
 
     def marginals(self) -> dict[str, Array]:
         """Marginal covariances (n, d, d) of all variables, by the name of their kind.
@@ -151,7 +173,8 @@ class CovarianceRecovery:
             if number >= 0:
                 assert self.problem is not None
                 place[stop - size : stop] = self.problem.pattern.offsets[number] + np.arange(size)
-        free = np.flatnonzero(place >= 0)
+        silent = np.empty(0, dtype=np.intp) if self.problem is None else self.problem.frozen
+        free = np.flatnonzero((place >= 0) & ~np.isin(place, silent))
         for column, solution in zip(free, self._columns(place[free]), strict=True):
             out[free, column] = solution[place[free]]
         return 0.5 * (out + out.T)
@@ -205,16 +228,18 @@ def recovery_of(result: Result) -> CovarianceRecovery:
     """Covariances at the end of a run that minimized chi2, with its linear problem.
 
     Where closures were rejected or a robust kernel took part, each factor has the weight that it had at the end: its
-    information is multiplied by it, and what was rejected is not there.
+    information is multiplied by it, and what was rejected is not there. Nor are landmarks that were held back.
     """
     if result.rejection is None:
-        return CovarianceRecovery(result.graph, result.options, result.problem)
+        return CovarianceRecovery(result.optimized, result.options, result.problem)
     factors = []
     for column, weight in zip(result.graph.factors, result.rejection.weight, strict=True):
         kept = np.flatnonzero(weight > 0.0)
         part = column.part(kept)
         factors.append(replace(part, information=weight[kept, None, None] * part.information))
     graph = replace(result.graph, factors=[part for part in factors if len(part)])
+    if result.held_back is not None:
+        graph = result.held_back.without(graph)
     return CovarianceRecovery(graph, result.options)
 
 

@@ -57,7 +57,7 @@ def relax(graph: FactorGraph, held: Held, *, anchors: int = 1) -> tuple[Values, 
         if not columns:
             continue
         turned = [None] if poses is None else _rotations(graph, poses, points, held[poses.kind.name], anchors)
-        found, where = _least(graph, values, [positions.solve(graph, space, held, part) for part in turned])
+        found, where = _least(graph, values, placed, [positions.solve(graph, space, held, part) for part in turned])
         values.update(found)
         placed.update(where)
     words = "chordal relaxation" + (f", best of {anchors} anchors" if anchors > 1 else "")
@@ -78,10 +78,22 @@ def _rotations(
 
 
 def _least(
-    graph: FactorGraph, values: Values, found: list[tuple[Values, dict[str, BoolArray]]]
+    graph: FactorGraph,
+    values: Values,
+    placed: dict[str, BoolArray],
+    found: list[tuple[Values, dict[str, BoolArray]]],
 ) -> tuple[Values, dict[str, BoolArray]]:
-    """Of several solutions for the variables of a space the one with the least chi2."""
-    return found[0] if len(found) == 1 else min(found, key=lambda pair: graph.chi2({**values, **pair[0]}))
+    """Of several solutions for the variables of a space the one with the least chi2, all landmarks placed."""
+    if len(found) == 1:
+        return found[0]
+    for solved, where in found if graph.landmarks else ():
+        from slamcli.solver.initialization import landmarks  # most graphs do without
+
+        state, firm = {**values, **solved}, {**placed, **where}
+        landmarks.place(graph, state, firm)
+        solved.update({name: state[name] for name in solved})
+        where.update({name: firm[name] for name in where})
+    return min(found, key=lambda pair: graph.chi2({**values, **pair[0]}))
 
 
 def _without_negative_information(graph: FactorGraph) -> tuple[FactorGraph, int]:

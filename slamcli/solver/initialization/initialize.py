@@ -16,20 +16,23 @@ from slamcli.models import VariableKind
 from slamcli.models.base import Array
 from slamcli.solver.backends import NotPositiveDefiniteError
 from slamcli.solver.gauge import Held
-from slamcli.solver.initialization import chordal, spanning_tree
+from slamcli.solver.initialization import camera_points, chordal, spanning_tree
 from slamcli.solver.robust import switchable
 
 #: Poses that ``chordal-anchors`` holds in turn. On M3500c 8 of 16 lead to the lowest minimum.
 _ANCHORS = 16
+#: How the words begin where values of the graph count.
+FROM_FILE = "values of the file"
 _WORDS = {"odometry": "integrated odometry", "spanning-tree": "spanning tree"}
 
 
-def initialize(graph: FactorGraph, method: str, held: Held) -> tuple[Values, str]:
+def initialize(graph: FactorGraph, method: str, held: Held, *, complete: bool = True) -> tuple[Values, str]:
     """Start values by a method of ``options.INITS`` but ``auto``, and in words where they come from.
 
     ``file`` keeps the file's values and chains what the file does not give; the other methods chain every pose
     from the held ones and hang the landmarks off them; ``chordal`` solves for all at once (see ``chordal``). Switches
-    keep what they have, the file's value or 1, and loop closures count with that weight.
+    keep what they have, the file's value or 1, and loop closures count with that weight. Landmarks that their edges do
+    not determine keep the graph's values; without ``complete`` also those that have none, whatever stands there.
 
     Raises
     ------
@@ -38,21 +41,26 @@ def initialize(graph: FactorGraph, method: str, held: Held) -> tuple[Values, str
     """
     if graph.switches:
         plain = switchable.at_their_switches(graph)
-        values, words = initialize(plain, method, {name: held[name] for name in plain.variables})
+        values, words = initialize(plain, method, {name: held[name] for name in plain.variables}, complete=complete)
         return {**graph.values, **values}, words
     missing = sum(int(np.count_nonzero(~column.known)) for column in graph.variables.values())
     if method == "file" and missing == 0:
-        return graph.values, "values of the file"
+        return graph.values, FROM_FILE
     if method == "chordal":
         values, placed, words = _relaxed(graph, held)
     elif method == "chordal-anchors":
         values, placed, words = _relaxed(graph, held, anchors=_ANCHORS)
     else:
         values, placed = _along_edges(graph, method, held)
-        words = _WORDS.get(method, f"values of the file; {missing} variables without one placed along a spanning tree")
-    while _place_landmarks(graph, values, placed):
-        pass  # points may hang off other points
-    _require_all(graph, placed)
+        words = _WORDS.get(method, f"{FROM_FILE}; {missing} variables without one placed along a spanning tree")
+    if graph.landmarks:
+        from slamcli.solver.initialization import landmarks  # most graphs do without
+
+        landmarks.place(graph, values, placed)
+    if triangulated := camera_points.place_points_from_cameras(graph, values, placed):
+        words = f"{words.partition(';')[0]}; {triangulated} points triangulated from images"
+    if complete:
+        _require_all(graph, placed)
     return values, words
 
 
@@ -151,32 +159,6 @@ def _from_priors(graph: FactorGraph, column: Variables) -> Array:
             if value is not None:
                 out[rows] = value
     return out
-
-
-def _place_landmarks(graph: FactorGraph, values: Values, placed: dict[str, BoolArray]) -> bool:
-    """Hang landmarks that are not placed off what sees them, by the first factor that can; whether any was placed."""
-    any_placed = False
-    for factors in graph.factors:
-        last = factors.kind.variables[-1]
-        if last.is_pose:
-            continue
-        rows = factors.indices[:, -1]
-        source = (
-            placed[factors.kind.variables[0].name][factors.indices[:, 0]] if len(factors.kind.variables) == 2 else True
-        )
-        use = np.flatnonzero(~placed[last.name][rows] & source)
-        use = use[np.unique(rows[use], return_index=True)[1]]
-        if len(use) == 0:
-            continue
-        first = values[factors.kind.variables[0].name][factors.indices[use, 0]]
-        parameters = None if factors.parameters is None else factors.parameters[use]
-        value = factors.kind.place(first, factors.measurements[use], parameters)
-        if value is not None:
-            changed = values[last.name].copy()
-            changed[rows[use]] = value
-            values[last.name] = changed
-            placed[last.name][rows[use]] = any_placed = True
-    return any_placed
 
 
 def _require_all(graph: FactorGraph, placed: dict[str, BoolArray]) -> None:

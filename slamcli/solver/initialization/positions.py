@@ -2,7 +2,8 @@
 
 With the rotations held, every residual but those of ranges and bearings is affine in the positions: e = A (p_j - p_i)
 + b for two variables, e = A p_i + b for one. Their minimum under the full information matrices is one linear system. A
-range with a bearing counts as the point where it ends; points seen by bearings alone are triangulated afterwards.
+range with a bearing counts as the point where it ends; points seen by bearings or ranges alone are placed afterwards
+(see ``landmarks``).
 
 A part of the graph whose orientation shows only in positions (priors on positions, fixed points) is first solved by
 itself and turned onto them (Kabsch, "A solution for the best rotation to relate two sets of vectors", 1976).
@@ -24,8 +25,6 @@ from slamcli.solver.gauge import Held
 from slamcli.solver.initialization.block_system import Nodes, Terms
 from slamcli.solver.initialization.rotations import Rotations
 
-#: Bearings place a point where the lesser eigenvalue of their normal matrix is at least this share of the greater.
-_LEAST_PARALLAX = 1e-4
 _NOT_AFFINE = (models.BEARING_2D, models.RANGE_2D)
 
 
@@ -49,8 +48,6 @@ def solve(
             moving = moving & reached[rows]
             value[moving] = positions[rows][moving]
         values[column.kind.name], placed[column.kind.name] = value, reached[rows] | column.kind.is_pose
-    if space == 2:
-        _triangulate(graph, values, placed)
     return values, placed
 
 
@@ -206,34 +203,3 @@ def _turned(layout: _Layout, rotations: Rotations) -> Array:
 def _wanted(factors: Factors, space: int) -> Array:
     """Positions that priors want."""
     return factors.measurements[:, :space]
-
-
-def _triangulate(graph: FactorGraph, values: Values, placed: dict[str, BoolArray]) -> None:
-    """Place points of the plane that only bearings see: least squares of distances from the rays, then of angles."""
-    columns = [f for f in graph.factors if f.kind is models.BEARING_2D]
-    if not columns:
-        return
-    points = graph.variables["XY"]
-    indices = np.concatenate([f.indices for f in columns])
-    use = ~(placed["XY"] | points.fixed)[indices[:, 1]]
-    pose, row = values["SE2"][indices[use, 0]], indices[use, 1]
-    direction = pose[:, 2] + np.concatenate([f.measurements[:, 0] for f in columns])[use]
-    ray = so2.pack(np.cos(direction), np.sin(direction))
-    normal = so2.pack(-ray[:, 1], ray[:, 0])
-    information = np.concatenate([f.information[:, 0, 0] for f in columns])[use]
-    weight, found = information, np.zeros((len(points), 2))
-    for _ in range(3):
-        matrix, right = np.zeros((len(points), 2, 2)), np.zeros((len(points), 2))
-        weighted = weight[:, None] * normal
-        np.add.at(matrix, row, weighted[:, :, None] * normal[:, None, :])
-        np.add.at(right, row, weighted * np.vecdot(normal, pose[:, :2])[:, None])
-        low, high = np.linalg.eigvalsh(matrix).T
-        firm = low > _LEAST_PARALLAX * high
-        found[firm] = np.linalg.solve(matrix[firm], right[firm][:, :, None])[:, :, 0]
-        away = found[row] - pose[:, :2]
-        square = np.square(away).sum(axis=1)
-        weight = information / np.where(square > 0.0, square, 1.0)
-    behind = np.bincount(row[np.vecdot(away, ray) <= 0.0], minlength=len(points))
-    good = firm & (behind == 0)
-    values["XY"] = np.where(good[:, None], found, values["XY"])
-    placed["XY"] = placed["XY"] | good

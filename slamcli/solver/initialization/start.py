@@ -39,10 +39,11 @@ def make(graph: FactorGraph, method: str, held: Held) -> Start:
 def automatic(graph: FactorGraph, held: Held, *, trust_closures: bool = True) -> Iterator[Callable[[], Start]]:
     """The starts of ``auto``, made when they are called: the file's values, and the chordal relaxation.
 
-    A graph without poses is linear or nearly so: its values, or a tree, will do. Where closures may be false (a robust
-    kernel is on them), the relaxation, which takes them all at their word, gives way to the odometry.
+    The file may leave landmarks out: these are placed. A graph without poses is linear or nearly so: its values, or a
+    tree, will do. Where closures may be false (a robust kernel is on them), the relaxation, which takes them all at
+    their word, gives way to the odometry.
     """
-    if graph.poses == 0 or all(column.known.all() for column in graph.variables.values()):
+    if graph.poses == 0 or all(c.known.all() for c in graph.variables.values() if not c.kind.is_point):
         yield partial(make, graph, "file", held)
     if graph.poses:
         yield partial(make, graph, "chordal" if trust_closures else "odometry", held)

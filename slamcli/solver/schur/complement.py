@@ -11,7 +11,9 @@ that both see; where that are few, they are made one by one.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -40,24 +42,25 @@ class SchurFactorization:
 
     def __init__(self, structure: Structure, reduced: Factorization) -> None:
         self.structure, self._reduced = structure, reduced
-        self._padded = bool((structure.links == structure.pattern.stored).any())
         lengths = np.diff(structure.runs)
-        self._long, self._short = np.flatnonzero(lengths >= _LONG), np.flatnonzero(lengths < _LONG)
+        self._long = _chunks(structure, np.flatnonzero(lengths >= _LONG))
+        self._short = _chunks(structure, np.flatnonzero(lengths < _LONG))
+        most = max((len(chunk.left) for chunk in (*self._long, *self._short)), default=0)
+        self._pairs = np.empty((2, most, structure.size, structure.width))
         self._factor: list[list[Array]] = []
-        self._z = np.empty(structure.links.shape)
+        self._z = np.empty((len(structure.camera), structure.size, structure.width))
         self._scale = np.empty(structure.reduced.dimension)
 
     def factorize(self, values: Array) -> None:
         """Numeric factorization; raises NotPositiveDefiniteError."""
         structure = self.structure
         self._factor = _cholesky(values, structure.points)
-        source = np.append(values, 0.0) if self._padded else values
-        self._divide(np.take(source, structure.links))
         complement = np.zeros(structure.reduced.stored + 1)
         complement[structure.to_reduced] = values[structure.from_hessian]
         diagonal = complement[structure.reduced.diagonal]
         if not (diagonal > 0.0).all():
             raise NotPositiveDefiniteError("the diagonal is not positive")
+        self._divide(values, complement)
         self._subtract_products(complement)
         self._scale = 1.0 / np.sqrt(diagonal)
         reduced = structure.reduced
@@ -92,46 +95,46 @@ class SchurFactorization:
         out[structure.gone_rows] = self._backward(inner).T
         return out
 
-    def _divide(self, links: Array) -> None:
-        """Z^T = L^-1 W^T for the blocks of W^T, (m, size, width)."""
-        structure = self.structure
+    def _divide(self, values: Array, complement: Array) -> None:
+        """Z^T = L^-1 W^T, camera by camera; from the complement, subtract the products of each camera with itself."""
+        structure, width = self.structure, self.structure.width
         inverse = np.empty((len(structure.gone), structure.size, structure.size))
         for column in range(structure.size):
             unit = np.zeros((structure.size, len(structure.gone)))
             unit[column] = 1.0
             inverse[:, :, column] = self._forward(unit).T
-        np.matmul(np.take(inverse, structure.point, axis=0), links, out=self._z)
+        sizes = structure.reduced.sizes.tolist()
+        if min(sizes, default=width) < width:
+            values = np.concatenate([values, np.zeros(max(width, structure.size))])
+        for camera, (begin, end) in enumerate(pairwise(structure.camera_runs.tolist())):
+            if begin == end:
+                continue
+            own = self._z[begin:end]
+            np.matmul(inverse[structure.point[begin:end]], structure.links[camera].read(values), out=own)
+            own[:, :, sizes[camera] :] = 0.0
+            own = own.reshape(-1, width)
+            complement[structure.diagonal_targets[camera]] -= own.T @ own  # (padding collects what is no matter)
 
     def _subtract_products(self, complement: Array) -> None:
-        """Subtract the products Z_p Z_p^T from the values of the complement."""
-        structure, width = self.structure, self.structure.width
-        for target, (begin, end) in zip(structure.diagonal_targets, pairwise(structure.camera_runs), strict=True):
-            own = self._z[begin:end].reshape(-1, width)
-            complement[target] -= own.T @ own
-        runs = structure.runs
-        for chosen, one_by_one in ((self._long, False), (self._short, True)):
-            lengths = runs[chosen + 1] - runs[chosen]
-            cuts = np.searchsorted(np.cumsum(lengths), np.arange(_CHUNK, int(lengths.sum()) + _CHUNK, _CHUNK))
-            for blocks in np.split(chosen, np.unique(cuts)):
-                if len(blocks) == 0:
-                    continue
-                length = runs[blocks + 1] - runs[blocks]
-                ends = np.cumsum(length)
-                pairs = np.arange(int(ends[-1])) + np.repeat(runs[blocks] - ends + length, length)
-                one = np.take(self._z, structure.left[pairs], axis=0)
-                two = np.take(self._z, structure.right[pairs], axis=0)
-                if one_by_one:
-                    product = np.matmul(one.transpose(0, 2, 1), two)
-                    target = structure.targets[np.repeat(blocks, length)]
-                    np.subtract.at(complement, target.ravel(), product.ravel())
-                    continue
-                one, two = one.reshape(-1, width), two.reshape(-1, width)
-                product = np.empty((len(blocks), width, width))
-                bounds = (structure.size * np.concatenate([[0], ends])).tolist()
-                for k, (begin, end) in enumerate(pairwise(bounds)):
-                    np.matmul(one[begin:end].T, two[begin:end], out=product[k])
-                target = structure.targets[blocks]
-                complement[target] -= product  # (padding collects what is no matter)
+        """Subtract the products of two cameras from the values of the complement."""
+        size, width = self.structure.size, self.structure.width
+        for chunk in self._long:
+            one, two = (pairs.reshape(-1, width) for pairs in self._gathered(chunk))
+            product = np.empty((len(chunk.targets), width, width))
+            for k, (begin, end) in enumerate(pairwise((size * chunk.runs).tolist())):
+                np.dot(one[begin:end].T, two[begin:end], out=product[k])
+            complement[chunk.targets] -= product
+        for chunk in self._short:
+            one, two = self._gathered(chunk)
+            product = np.matmul(one.transpose(0, 2, 1), two)
+            targets = np.repeat(chunk.targets, np.diff(chunk.runs), axis=0)
+            np.subtract.at(complement, targets.ravel(), product.ravel())
+
+    def _gathered(self, chunk: _Chunk) -> Iterator[Array]:
+        """Z^T of both links of each pair, (q, size, width)."""
+        for links, room in zip((chunk.left, chunk.right), self._pairs, strict=True):
+            # (the mode matters: with the default one numpy takes into a copy of the room)
+            yield np.take(self._z, links, axis=0, out=room[: len(links)], mode="clip")
 
     def _forward(self, right: Array) -> Array:
         """L^-1 b of all points, (size, p)."""
@@ -150,6 +153,31 @@ class SchurFactorization:
                 out[k] -= self._factor[j][k] * out[j]
             out[k] *= self._factor[k][k]
         return out
+
+
+class _Chunk(NamedTuple):
+    """Pairs of links that are multiplied together: (q,) links, (b + 1,) runs of one block each, (b, width, width)."""
+
+    left: IndexArray
+    right: IndexArray
+    runs: IndexArray
+    targets: IndexArray
+
+
+def _chunks(structure: Structure, blocks: IndexArray) -> list[_Chunk]:
+    """The pairs of some blocks of the complement, cut at blocks."""
+    lengths = np.diff(structure.runs)[blocks]
+    cuts = np.searchsorted(np.cumsum(lengths), np.arange(_CHUNK, int(lengths.sum()) + _CHUNK, _CHUNK))
+    out = []
+    for some in np.split(blocks, np.unique(cuts)):
+        if len(some):
+            first, length = structure.runs[some], np.diff(structure.runs)[some]
+            runs = np.concatenate([[0], np.cumsum(length)])
+            pairs: slice | IndexArray = slice(int(first[0]), int(first[0] + runs[-1]))
+            if some[-1] - some[0] >= len(some):  # with others between them
+                pairs = np.arange(int(runs[-1])) + np.repeat(first - runs[:-1], length)
+            out.append(_Chunk(structure.left[pairs], structure.right[pairs], runs, structure.targets[some]))
+    return out
 
 
 def _cholesky(values: Array, places: IndexArray) -> list[list[Array]]:

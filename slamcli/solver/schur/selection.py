@@ -17,6 +17,8 @@ from slamcli.solver.gauge import Held
 from slamcli.solver.ordering import FoundOrder
 from slamcli.solver.pattern import BlockPattern
 from slamcli.solver.schur.complement import SchurFactorization
+from slamcli.solver.schur.implicit import ImplicitSchur
+from slamcli.solver.schur.links import Links
 from slamcli.solver.schur.structure import Structure
 from slamcli.solver.symbolic import ReducedSystem
 
@@ -27,6 +29,14 @@ _DENSE = 0.3
 #: With fewer links than this for each block of the complement a general sparse factorization may be faster (measured:
 #: it is by far on landmark sets, Victoria Park with 0.03 and world-2000 with 0.2; it is not on Ladybug-49 with 32).
 _LINKS = 8.0
+#: Seconds that a product of two links takes when the complement is formed, and a link in a product with the complement
+#: that is not formed; operations of a factorization in a second. (Measured on one core.)
+_PAIR, _LINK, _RATE = 1e-7, 6e-8, 1e10
+#: Iterations of conjugate gradients in a step, for want of knowledge: 3 to 20 were measured on scenes where cameras see
+#: each other's points all over, hundreds on long chains of cameras.
+_ITERATIONS = 50
+#: So much longer must a factorization take: it is exact, and its time is no guess.
+_MARGIN = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,10 +68,17 @@ class Selection:
         return FoundOrder(f"Schur complement of {self.kind}, {self.order.name}", blocks)
 
     @property
+    def flops(self) -> float:
+        """Floating-point operations of the factorization of the complement."""
+        reduced = self.structure.reduced
+        return float(reduced.dimension) ** 3 / 3.0 if self.dense else self.order.analysis(reduced).flops
+
+    @property
     def reduced_system(self) -> ReducedSystem:
         """The complement, for reports."""
         reduced = self.structure.reduced
-        return ReducedSystem(self.kind, reduced.dimension, reduced.nnz, self.dense)
+        solver = "dense" if self.dense else "sparse"
+        return ReducedSystem(self.kind, reduced.dimension, reduced.nnz, self.dense, solver)
 
     def factorization(self, linear_solver: str) -> Factorization:
         """What factorizes matrices of the whole pattern."""
@@ -72,9 +89,34 @@ class Selection:
         return SchurFactorization(self.structure, backends.make(linear_solver, reduced, permutation))
 
 
+@dataclass(frozen=True, eq=False)
+class ImplicitSelection:
+    """What is eliminated where the rest is solved by conjugate gradients.
+
+    Attributes
+    ----------
+    kind
+        Name of the kind of variable that is eliminated.
+    links
+        What multiplies with the complement.
+    """
+
+    kind: str
+    links: Links
+
+    @property
+    def reduced_system(self) -> ReducedSystem:
+        """The complement, for reports."""
+        return ReducedSystem(self.kind, self.links.dimension, None, False, "iterative")
+
+    def factorization(self) -> ImplicitSchur:
+        """What solves with matrices of the whole pattern."""
+        return ImplicitSchur(self.links)
+
+
 def select(
-    elimination: str, ordering_name: str, graph: FactorGraph, held: Held, pattern: BlockPattern
-) -> Selection | None:
+    elimination: str, solver: str, ordering_name: str, graph: FactorGraph, held: Held, pattern: BlockPattern
+) -> Selection | ImplicitSelection | None:
     """What to eliminate, None for nothing.
 
     Parameters
@@ -83,6 +125,9 @@ def select(
         ``none``, ``schur`` (points, or a usage error), or ``auto``: where it pays, and always where cameras see the
         points, since pivots of such systems differ by more orders of magnitude than a factorization of all at once
         can tell from rounding. (Here points are judged by their own blocks, and the complement is scaled.)
+    solver
+        Of the complement: ``dense``, ``sparse``, ``iterative``, ``auto`` (what is likely to be faster), or
+        ``factorized`` (``dense`` or ``sparse``). Who asks for one of the first three asks for the complement.
     ordering_name
         How the complement is ordered.
     graph, held
@@ -93,27 +138,50 @@ def select(
     Raises
     ------
     UsageError
-        If ``schur`` was asked for and no kind of point is an independent set.
+        If a complement was asked for and no kind of point is an independent set.
     """
     if elimination == "none":
         return None
+    wanted = elimination == "schur" or solver not in ("auto", "factorized")
     for name, mask in _points(graph, held):
         if not mask.any() or mask.all() or _joined(pattern, mask):
             continue
-        if elimination == "auto" and not (has_projections(graph) or _pays(pattern, mask)):
+        if not (wanted or has_projections(graph) or _pays(pattern, mask)):
             continue
-        structure = Structure.of(pattern, mask)
-        reduced = structure.reduced
-        density = 2.0 * reduced.nnz / max(float(reduced.dimension) ** 2, 1.0)
-        dense = reduced.dimension <= _SMALL or density >= _DENSE
-        order = ordering.find("natural" if dense else ordering_name, reduced)
-        return Selection(name, structure, dense, order)
-    if elimination == "schur":
+        forming, iterating = _seconds(pattern, mask)
+        if solver == "iterative" or (solver == "auto" and forming > _MARGIN * iterating):
+            return ImplicitSelection(name, Links.of(pattern, mask))
+        found = _factorized(name, Structure.of(pattern, mask), solver, ordering_name)
+        if solver == "auto" and forming + found.flops / _RATE > _MARGIN * iterating:
+            return ImplicitSelection(name, Links.of(pattern, mask))
+        return found
+    if wanted:
+        asked = "elimination 'schur'" if elimination == "schur" else f"reduced solver {solver!r}"
         raise UsageError(
-            "elimination 'schur' needs points that no edge joins with each other, besides poses or cameras",
+            f"{asked} needs points that no edge joins with each other, besides poses or cameras",
             ("  --elimination auto uses it where there are such points and it saves time",),
         )
     return None
+
+
+def _factorized(name: str, structure: Structure, solver: str, ordering_name: str) -> Selection:
+    """The complement as a matrix."""
+    reduced = structure.reduced
+    density = 2.0 * reduced.nnz / max(float(reduced.dimension) ** 2, 1.0)
+    dense = reduced.dimension <= _SMALL or density >= _DENSE if solver in ("auto", "factorized") else solver == "dense"
+    return Selection(name, structure, dense, ordering.find("natural" if dense else ordering_name, reduced))
+
+
+def _seconds(pattern: BlockPattern, mask: BoolArray) -> tuple[float, float]:
+    """What it takes to form a complement, and to solve with one that is not formed, in rough figures.
+
+    Both grow with the points; their ratio is what counts, and grows with the cameras that see a point.
+    """
+    row_gone, column_gone = mask[pattern.rows], mask[pattern.columns]
+    crossing = row_gone != column_gone
+    point = np.where(row_gone, pattern.rows, pattern.columns)[crossing]
+    seen = np.bincount(point).astype(np.float64)
+    return _PAIR * float((seen * (seen - 1.0)).sum()) / 2.0, _ITERATIONS * _LINK * len(point)
 
 
 def _points(graph: FactorGraph, held: Held) -> list[tuple[str, BoolArray]]:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 
 from slamcli.graph.columns import BoolArray, IndexArray
+from slamcli.solver.block_pieces import BlockPieces
 from slamcli.solver.pattern import BlockPattern
 
 
@@ -32,7 +34,7 @@ class Structure:
     points
         (size, size, p) positions of the entries of V among the values of H.
     links
-        (m, size, width) positions of the entries of W^T; ``pattern.stored`` for padding.
+        For each camera its blocks (size, width) of W^T.
     camera, point
         (m,) of each link.
     left, right
@@ -53,7 +55,7 @@ class Structure:
     size: int
     width: int
     points: IndexArray
-    links: IndexArray
+    links: list[BlockPieces]
     camera: IndexArray
     point: IndexArray
     left: IndexArray
@@ -105,13 +107,9 @@ class Structure:
         order = np.lexsort((point, camera))
         crossing, upright, camera, point = crossing[order], upright[order], camera[order], point[order]
         width = int(pattern.sizes[kept][camera].max(initial=1))
-        links = _entries(pattern, crossing, (size, width), upright)
-        links[np.broadcast_to(np.arange(width) >= pattern.sizes[kept][camera][:, None, None], links.shape)] = (
-            pattern.stored
-        )
         left, right = _pairs(point, camera)
         keys = camera[right] * len(kept) + camera[left]
-        by_block = np.argsort(keys, kind="stable")
+        by_block = np.argsort(keys.astype(np.min_scalar_type(len(kept) ** 2)), kind="stable")  # small ones sort faster
         left, right, keys = left[by_block], right[by_block], keys[by_block]
         runs = np.concatenate([[0], np.flatnonzero(np.diff(keys)) + 1, [len(keys)]])
         inner = np.flatnonzero(~row_gone & ~column_gone)
@@ -131,7 +129,10 @@ class Structure:
             size=size,
             width=width,
             points=np.ascontiguousarray(_entries(pattern, diagonal, (size, size), None).transpose(1, 2, 0)),
-            links=links,
+            links=[
+                BlockPieces(pattern, crossing[begin:end], (size, width), upright[begin:end])
+                for begin, end in pairwise(np.searchsorted(camera, np.arange(len(kept) + 1)).tolist())
+            ],
             camera=camera,
             point=point,
             left=left,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class ReducedSystem:
-    """The Schur complement that was factorized instead of H.
+    """The Schur complement that was solved with instead of H.
 
     Attributes
     ----------
@@ -16,15 +16,18 @@ class ReducedSystem:
     dimension
         Its rows.
     nnz
-        Nonzeros of its triangle, diagonal included (all entries of its dense blocks).
+        Nonzeros of its triangle, diagonal included (all entries of its dense blocks); None where it is not formed.
     dense
         Whether it was factorized as a dense matrix.
+    solver
+        ``dense`` or ``sparse`` factorization, or ``iterative``: conjugate gradients.
     """
 
     eliminated: str
     dimension: int
-    nnz: int
+    nnz: int | None
     dense: bool
+    solver: str
 
 
 @dataclass(frozen=True)
@@ -38,7 +41,7 @@ class Sparsity:
     nnz_hessian
         Nonzeros of the lower triangle of H, diagonal included (all entries of its dense blocks).
     nnz_factor
-        Nonzeros of its Cholesky factor L.
+        Nonzeros of its Cholesky factor L. None, as the next three, where conjugate gradients take its place.
     fill_in
         ``nnz_factor / nnz_hessian``: 1 where elimination creates no new entry.
     factor_flops
@@ -53,9 +56,9 @@ class Sparsity:
 
     dimension: int
     nnz_hessian: int
-    nnz_factor: int
-    fill_in: float
-    factor_flops: float
-    ordering: str
+    nnz_factor: int | None
+    fill_in: float | None
+    factor_flops: float | None
+    ordering: str | None
     density: float
     reduced: ReducedSystem | None = None

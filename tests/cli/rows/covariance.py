@@ -47,5 +47,6 @@ ROWS = (
     Case("covariance {in} -o nowhere/c.npz", 3, err="nowhere/c.npz: cannot be written"),
     Case("covariance {in}", 5, err=("no covariances", "XY 77"), content=SINGULAR),
     Case("covariance {in}", 5, err="indefinite", content=INDEFINITE),
+    Case("covariance {in} --intrinsics fixed", 2, err="is for cameras"),
     Case("covariance --help", 0, out=("Usage: slamcli covariance", "--relative", "Exit codes")),
 )

@@ -10,8 +10,9 @@ from typing import Any
 import g2opy as g2o
 import numpy as np
 
-from benchmarks.peers import Case, Trial
-from benchmarks.settings import Setting
+from slamcli.batch.benchmark.case import Case, Trial
+from slamcli.batch.benchmark.peers.settings import Setting
+from slamcli.graph.columns import Values
 from slamcli.models.base import Array
 
 _METHODS = {
@@ -40,7 +41,7 @@ class Peer:
         ]
         self.path.write_text("".join(lines), encoding="ascii")
 
-    def own_best(self, poses: Array) -> None:
+    def own_best(self, optimum: Values) -> None:
         """Its cost is ours."""
 
     def run(self, setting: Setting, count: int, course: list[float] | None) -> Trial:
@@ -66,7 +67,7 @@ class Peer:
         if course is not None:
             course += [step.chi2 for step in optimizer.batch_statistics() if step.iteration >= 0]
         ended = np.array([optimizer.vertex(k).get_estimate_data() for k in range(len(self.case.column))])
-        return Trial(self.case, ended, seconds, done)
+        return Trial(self.case, self.case.values(ended), seconds, done)
 
     def _loaded(self, setting: Setting) -> tuple[Any, float]:
         optimizer = g2o.SparseOptimizer()

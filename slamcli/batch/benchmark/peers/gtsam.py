@@ -14,8 +14,9 @@ from typing import Any
 import gtsam
 import numpy as np
 
-from benchmarks.peers import Case, Trial
-from benchmarks.settings import Setting
+from slamcli.batch.benchmark.case import Case, Trial
+from slamcli.batch.benchmark.peers.settings import Setting
+from slamcli.graph.columns import Values
 from slamcli.models.base import Array
 
 #: Order and scale from (t, vector part of q) to (rotation vector, t).
@@ -82,12 +83,13 @@ class Peer:
             [[*p.translation(), q.x(), q.y(), q.z(), q.w()] for p, q in zip(rows, quaternions, strict=True)]
         )
 
-    def own_best(self, poses: Array) -> float:
+    def own_best(self, optimum: Values) -> float:
         """Its cost (without the prior, which fits exactly) where its own iterations end from the best known optimum.
 
         That may lie above its cost at our optimum: its derivatives leave out that of the logarithm, and so a fixed
         point of its iterations is no exact minimum of its cost.
         """
+        poses = self.case.poses(optimum)
         values = self._values(poses)
         optimizer = gtsam.GaussNewtonOptimizer(self._held(self.priorless, poses), values, gtsam.GaussNewtonParams())
         with contextlib.suppress(RuntimeError):  # then the last cost stands in
@@ -107,7 +109,8 @@ class Peer:
         optimizer = self._optimizer(setting, start, count)
         values = self._watched(optimizer, count, course) if course is not None else optimizer.optimize()
         seconds += time.perf_counter() - started
-        return Trial(self.case, self._poses(values), seconds, optimizer.iterations(), self.priorless.error(values))
+        ended, own = self.case.values(self._poses(values)), self.priorless.error(values)
+        return Trial(self.case, ended, seconds, optimizer.iterations(), own)
 
     def _initialized(self, setting: Setting) -> Any:
         if self.case.space == 2:
@@ -117,8 +120,10 @@ class Peer:
         return gtsam.InitializePose3.initialize(self.graph)
 
     def _optimizer(self, setting: Setting, start: Any, count: int) -> Any:
+        optimizer: Any = gtsam.GaussNewtonOptimizer
+        parameters: Any
         if setting.method == "gn":
-            parameters, optimizer = gtsam.GaussNewtonParams(), gtsam.GaussNewtonOptimizer
+            parameters = gtsam.GaussNewtonParams()
         else:
             optimizer = gtsam.LevenbergMarquardtOptimizer
             ceres = setting.method == "lm-ceres"
