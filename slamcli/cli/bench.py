@@ -17,16 +17,16 @@ if TYPE_CHECKING:
 _EXAMPLES = """\b
 Examples:
   slamcli bench graph.g2o --param method=gn,lm
-  slamcli bench graph.g2o --param ordering=amd,metis --param linear-solver=cholmod,superlu
+  slamcli bench graph.g2o --param ordering=amd,metis --param method=gn,lm
   slamcli bench sphere2500 torus3D --peers gtsam,g2opy --runs 7 -o table.md
 
 DATA are files, or names that slamcli datasets list knows. A run is a process of its own; its time is that of the
 second of two optimizations in it, without loading. Peers come with: pip install 'slamcli[peers]'
 
 \b
-Exit codes: 0 all variants of slamcli converged, 1 one of them did not or failed (its row
-says why; what becomes of peers does not count), 2 usage, 3 missing or invalid data,
-130 interrupted (the table so far is printed and written).
+Exit codes: 0 all variants of slamcli converged, 1 one of them did not or failed (its
+row says why; what becomes of peers does not count), 2 usage, 3 missing or invalid
+data, 130 interrupted (the table so far is printed and written).
 """
 #: Endings of -o and what they mean.
 _ENDINGS = {".csv": "csv", ".json": "json", ".md": "markdown"}

@@ -27,9 +27,9 @@ Examples:
   slamcli regress suite.yaml --update-baseline
 
 \b
-Exit codes: 0 nothing is worse, 1 a regression, 2 usage, bad suite or bad baseline, 3 data
-missing or a file cannot be written, 130 interrupted (finished cases are reported).
-docs/regress.md describes suites and baselines.
+Exit codes: 0 nothing is worse, 1 a regression, 2 usage, bad suite or bad baseline,
+3 data missing or a file cannot be written, 130 interrupted (finished cases are
+reported). docs/regress.md describes suites and baselines.
 """
 
 
