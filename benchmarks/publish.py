@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from slamcli.batch.benchmark.peers.settings import PEERS
-from slamcli.batch.benchmark.provenance import provenance
+from slamcli.batch.provenance import provenance
 from slamcli.errors import ExitCode
 
 PAGE = Path(__file__).parents[1] / "docs" / "benchmarks.md"

@@ -13,6 +13,9 @@ SLAMCLI ?= slamcli
 SLAMCLI_SUITE ?= ci/suite.yaml
 SLAMCLI_REPORT ?= slam-report.html
 
+# what a plain make does is left to the Makefile that includes this
+SLAMCLI_GOAL := $(.DEFAULT_GOAL)
+
 .PHONY: slam-regress slam-report slam-bless
 
 slam-regress:
@@ -23,3 +26,5 @@ slam-report:
 
 slam-bless:
 	$(SLAMCLI) regress $(SLAMCLI_SUITE) --update-baseline $(ARGS)
+
+.DEFAULT_GOAL := $(SLAMCLI_GOAL)

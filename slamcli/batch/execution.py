@@ -17,8 +17,10 @@ from typing import IO, Any
 
 #: Exit code that stands for a command which its time limit ended, as that of timeout(1).
 TIMED_OUT = 124
-#: What makes a run the same whatever the machine does besides, and whatever its user has set for slamcli.
-_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+#: Runs a module; not one that happens to stand in the working directory.
+PYTHON = (sys.executable, "-P", "-m")
+#: Environment variables that set the number of threads of the libraries.
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @dataclass(frozen=True)
@@ -78,7 +80,7 @@ class Processes:
         KeyboardInterrupt
             If the user asks to stop, or ``stop`` was called; the process is gone then.
         """
-        return self.run([sys.executable, "-m", "slamcli", *words], words, folder, limit)
+        return self.run([*PYTHON, "slamcli", *words], words, folder, limit)
 
     def run(self, line: Sequence[str], words: Sequence[str], folder: Path, limit: float | None = None) -> Execution:
         """The same with any command line; ``words`` are what the result says was run."""
@@ -145,7 +147,7 @@ def environment() -> dict[str, str]:
     """Of a command: nothing that a user has set for slamcli but where data sets are, and one thread."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith("SLAMCLI_")}
     kept |= {name: value for name, value in os.environ.items() if name == "SLAMCLI_DATASETS"}
-    return kept | dict.fromkeys(_ONE_THREAD, "1")
+    return kept | dict.fromkeys(THREADS, "1")
 
 
 def document_of(text: bytes) -> dict[str, Any] | None:

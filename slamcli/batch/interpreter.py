@@ -17,13 +17,20 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from slamcli.batch.execution import TIMED_OUT, Execution, document_of, environment
 
 _COMMAND = (sys.executable, "-P", "-m", "slamcli.cli.serve")
 #: What a traceback of Python itself may fill, in bytes.
 _LONGEST_MESSAGE = 1 << 20
+
+
+def scratch() -> IO[bytes]:
+    """A nameless file that lives as long as it is open: in memory if the system can, since a disk may be full."""
+    if hasattr(os, "memfd_create"):
+        return os.fdopen(os.memfd_create("slamcli"), "w+b")
+    return tempfile.TemporaryFile()
 
 
 class Closed(Exception):
@@ -35,7 +42,7 @@ class Interpreter:
 
     def __init__(self) -> None:
         self._process: subprocess.Popen[bytes] | None = None
-        self._errors = tempfile.TemporaryFile()  # noqa: SIM115 - as long as this object
+        self._errors = scratch()
         self._closed = False
 
     def __call__(self, words: Sequence[str], folder: Path, limit: float | None = None) -> Execution:

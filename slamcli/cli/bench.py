@@ -70,11 +70,11 @@ def command(data: tuple[str, ...], **given: Any) -> int:
     """
     kind = _check(data, given)
     from slamcli.batch.benchmark import grid, runner
-    from slamcli.cli.process import progress
+    from slamcli.cli.process import progress, terminable
 
     variants = grid.variants(grid.parameters(given["param"]), grid.peers(given["peers"]))
     found = _described(data)
-    with progress("benchmark", runner.steps(found, variants, given["runs"])) as advance:
+    with progress("benchmark", runner.steps(found, variants, given["runs"])) as advance, terminable():
         result = runner.run(
             found,
             variants,
@@ -91,6 +91,8 @@ def _check(data: tuple[str, ...], given: dict[str, Any]) -> str | None:
     """Format of the export, None for none; what cannot be written is told before the work, not after."""
     if "-" in data:
         raise UsageError("bench reads its data many times, which standard input does not allow")
+    if given["time_limit"] != given["time_limit"]:  # nan is in every range
+        raise UsageError("--time-limit needs a number of seconds, got nan")
     check_outputs(given, ("output",), json=given["json"], inputs=data)
     output, kind = given["output"], given["export"]
     if kind and output is None and given["json"]:
@@ -100,6 +102,8 @@ def _check(data: tuple[str, ...], given: dict[str, Any]) -> str | None:
     ending = os.path.splitext(output.removesuffix(".gz").removesuffix(".bz2"))[1]
     if kind is None and ending not in _ENDINGS:
         raise UsageError(f"-o {output}: say its format with --export, or end it in {', '.join(_ENDINGS)}")
+    if os.path.isdir(output):
+        raise InputError(f"{output}: cannot be written: is a folder")
     folder = os.path.dirname(os.path.abspath(output))
     if output != "-" and not (os.path.isdir(folder) and os.access(folder, os.W_OK)):
         words = "Permission denied" if os.path.isdir(folder) else "No such file or directory"

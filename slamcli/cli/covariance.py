@@ -112,7 +112,8 @@ def command(input: str, **given: Any) -> int:
     from slamcli.graph import analyze
     from slamcli.reporting import covariance as reporting
     from slamcli.reporting import documents, summaries
-    from slamcli.solver.covariance import CovarianceRecovery, CovarianceRequest, recover
+    from slamcli.reporting.landmarks import held_back_warning
+    from slamcli.solver.covariance import CovarianceRequest, recover, recovery_at
     from slamcli.solver.options import OptimizeOptions
 
     check_outputs(given, ("output",), json=given["json"], inputs=[input])
@@ -131,11 +132,11 @@ def command(input: str, **given: Any) -> int:
     warn(summaries.reading_warnings(graph.report))
     started = time.perf_counter()
     options = OptimizeOptions(fix=given["fix"], intrinsics=given["intrinsics"])
-    result = recover(CovarianceRecovery(graph, options), request)
+    result = recover(recovery_at(graph, options), request)
     seconds = time.perf_counter() - started
     if given["output"]:
         require_one_size(given["output"], {m.kind.name: m.kind.dimension for m in result.marginals})
-    warn(reporting.optimum_warning(result))
+    warn(held_back_warning(result.under_observed) + reporting.optimum_warning(result))
     quantiles = quantiles_at(given["probability"])
     document: dict[str, Any] = {}
     if given["json"] or (given["output"] or "").endswith((".json", ".json.gz")):

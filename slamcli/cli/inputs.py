@@ -32,10 +32,15 @@ class Input(click.Path):
 
             if text in WORLDS:
                 return text
-        from slamcli.batch.datasets.search import checked, find
+        from slamcli.batch.datasets.search import checked, find, nearest
+        from slamcli.errors import InputError
 
         found = find(text)
         if found is None:
+            close = nearest(text)
+            if close:
+                details = (f"  did you mean the data set {' or '.join(close)}?",)
+                raise InputError(f"{text}: cannot be read: No such file or directory", details)
             return text
         path = str(checked(found))
         print(f"reading the data set {found.name}: {path}", file=sys.stderr)

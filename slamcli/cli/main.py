@@ -27,6 +27,7 @@ def main(arguments: list[str] | None = None) -> int:
         sys.stdout = open(os.devnull, "w")  # noqa: SIM115
     if sys.stderr is None:
         sys.stderr = open(os.devnull, "w")  # noqa: SIM115
+    _encode_everything()
     try:
         return _run(words)
     except SlamcliError as error:
@@ -120,6 +121,15 @@ def build_group() -> click.Group:
         },
         params=[click.Option(["--version"], is_flag=True, is_eager=True, expose_value=False, callback=show_version)],
     )
+
+
+def _encode_everything() -> None:
+    """Let standard output take any character: as UTF-8, or with a mark in its place on a terminal that has none."""
+    stream = sys.stdout
+    if (getattr(stream, "encoding", None) or "utf-8").lower().replace("-", "") != "utf8" and hasattr(
+        stream, "reconfigure"
+    ):
+        stream.reconfigure(**({"errors": "replace"} if stream.isatty() else {"encoding": "utf-8"}))
 
 
 def _suggestion(word: str) -> str:

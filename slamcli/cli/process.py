@@ -26,6 +26,20 @@ def progress(what: str, total: int) -> Iterator[Callable[[], None]]:
 
 
 @contextmanager
+def terminable() -> Iterator[None]:
+    """SIGTERM, which queues and CI systems send before they kill, counts as Ctrl-C: the processes below end as well."""
+
+    def interrupt(number: int, frame: Any) -> None:
+        raise KeyboardInterrupt
+
+    previous = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, previous)
+
+
+@contextmanager
 def interruptible(what: str) -> Iterator[Callable[[], bool]]:
     """The first Ctrl-C asks to stop after the present piece of work, the second stops at once."""
     asked = False

@@ -78,15 +78,19 @@ def command(suite: str, **given: Any) -> int:
     the baseline, or beyond a limit of the suite, is a regression. Times gate only where the suite says so.
     """
     check_outputs(given, ("output", "state", "baseline"), json=False, inputs=[suite])
-    form = given["form"] or _ENDINGS.get(os.path.splitext(given["output"] or "")[1].lower(), "table")
+    plain = (given["output"] or "").removesuffix(".gz").removesuffix(".bz2")
+    form = given["form"] or _ENDINGS.get(os.path.splitext(plain)[1].lower(), "table")
     from slamcli.batch.regression import baseline as baselines
     from slamcli.batch.regression.reading import read
     from slamcli.batch.regression.run import this_machine
     from slamcli.batch.regression.session import regress, selected
-    from slamcli.cli.process import progress
+    from slamcli.cli.process import progress, terminable
 
     found = read(suite)
+    if given["baseline"] == "-":
+        raise UsageError("--baseline needs a file")
     path = given["baseline"] or baselines.default_path(found.path)
+    check_outputs(given, ("output", "state"), json=False, inputs=[path])
     baseline = baselines.read(path)
     if baseline is None and given["baseline"] and not given["update_baseline"]:
         raise UsageError(f"{path}: there is no such baseline", ("  --update-baseline writes one",))
@@ -96,7 +100,7 @@ def command(suite: str, **given: Any) -> int:
     state = _state(given)
     done = False
     try:
-        with progress(found.name, count) as tick:
+        with progress(found.name, count) as tick, terminable():
             report = regress(
                 found,
                 this_machine(),
@@ -138,6 +142,8 @@ def _state(given: dict[str, Any]) -> State | None:
 
 def _check_folder(path: str | None) -> None:
     """A file that cannot be written is said before the run, which may take long."""
+    if path is not None and os.path.isdir(path):
+        raise InputError(f"{path}: cannot be written: is a folder")
     if path is None or path == "-" or (os.path.exists(path) and not os.path.isfile(path)):
         return
     folder = os.path.dirname(os.path.realpath(path))

@@ -17,13 +17,14 @@ from typing import IO, Any
 
 def serve() -> None:
     """Run commands until standard input ends."""
+    from slamcli.batch.interpreter import scratch
     from slamcli.cli.main import main
 
     questions, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     # what a command, or a library below Python, reads and prints has nothing to do with the two above
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     home = tempfile.gettempdir()
-    with tempfile.TemporaryFile() as printed:
+    with scratch() as printed:
         for line in questions:
             question = json.loads(line)
             os.dup2(printed.fileno(), 1)

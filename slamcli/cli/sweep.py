@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
-import signal
+import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import click
 
 from slamcli.cli.options import FILE, check_outputs, json_option, warn
-from slamcli.errors import ExitCode, UsageError
+from slamcli.errors import ExitCode, InputError, UsageError
 
 _EXAMPLES = """\b
 Examples:
@@ -52,15 +51,18 @@ def command(sweep: str, **given: Any) -> int:
     DIR/journal.jsonl: after an interruption the same command goes on. The table has the same bytes however and
     wherever the tasks were run.
     """
-    from slamcli.batch.sweep.plan import tasks_of
+    from slamcli.batch.sweep.plan import command_levels, input_files, tasks_of
     from slamcli.batch.sweep.read import read_sweep
 
-    check_outputs(given, ("output", "table"), json=given["json"], inputs=[sweep])
     if given["dask"] is not None and given["jobs"] is not None:
         raise UsageError("--jobs is for this machine: with --dask the cluster decides")
-    _check_table(given["table"])
+    if given["no_run"] and not given["resume"]:
+        raise UsageError("--no-run shows the results that there are, --no-resume puts them aside")
     study = read_sweep(sweep)
     tasks = tasks_of(study, given["only"])
+    inputs = {path for task in command_levels(tasks) for _, path in input_files(task.case)}
+    check_outputs(given, ("output", "table"), json=given["json"], inputs=[sweep, *inputs])
+    _check_table(given["table"])
     _check_command_lines(study, tasks)
     if given["show"] is not None:
         return _show(tasks, given["show"])
@@ -71,18 +73,18 @@ def _run(study: Any, tasks: Any, given: dict[str, Any]) -> int:
     from slamcli.batch.sweep import run as running
     from slamcli.batch.sweep.paired import differences
     from slamcli.batch.sweep.summary import summarize
-    from slamcli.cli.process import progress
+    from slamcli.cli.process import progress, terminable
     from slamcli.reporting import documents
     from slamcli.reporting import sweep as reporting
 
     folder = Path(given["output"] or f"{study.name}.sweep")
-    with running.opened(folder, resume=given["resume"]) as journal:
+    with running.opened(folder, resume=given["resume"], make=not given["no_run"]) as journal:
         warn(journal.notes)
         pending = running.pending(tasks, journal, retry_failed=given["retry_failed"])
         started = time.perf_counter()
         try:
             if pending and not given["no_run"]:
-                with progress("running tasks", len(pending)) as tick, _terminable():
+                with progress("running tasks", len(pending)) as tick, terminable():
                     running.run(pending, journal, _engine(given), tick)
         except KeyboardInterrupt:
             print(reporting.interrupted_text(running.state_of(tasks, journal), folder), file=sys.stderr)
@@ -101,20 +103,6 @@ def _run(study: Any, tasks: Any, given: dict[str, Any]) -> int:
         out = sys.stderr if given["table"] == "-" else sys.stdout
         print(*reporting.sweep_summary(study, state, found, done), sep="\n", file=out)
     return int(ExitCode.SUCCESS if state.complete or given["no_run"] else ExitCode.CHECK_FAILED)
-
-
-@contextlib.contextmanager
-def _terminable() -> Iterator[None]:
-    """What the queue of a cluster sends before it kills counts as Ctrl-C."""
-
-    def interrupt(number: int, frame: Any) -> None:
-        raise KeyboardInterrupt
-
-    previous = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, previous)
 
 
 def _engine(given: dict[str, Any]) -> Any:
@@ -147,9 +135,11 @@ def _write(state: Any, folder: Path, given: dict[str, Any]) -> dict[str, str]:
 
 
 def _check_table(path: str | None) -> None:
-    """The format of the table, told before anything is run."""
+    """The format of the table and its folder, told before anything is run."""
     if path is None or path == "-":
         return
+    if not Path(path).parent.is_dir():
+        raise InputError(f"{path}: cannot be written: there is no folder {Path(path).parent}")
     if path.endswith(".parquet"):
         from slamcli.batch.sweep.table import check_parquet
 
@@ -173,25 +163,47 @@ def _check_command_lines(study: Any, tasks: Any) -> None:
     group = build_group()
     for task in command_levels(tasks):
         for words in command_lines(task):
-            try:
-                context = group.make_context("slamcli", list(words))
-                name, step, rest = group.resolve_command(context, list(words))
-                assert step is not None and name is not None
-                step.make_context(name, rest, parent=context)
-            except click.UsageError as error:
-                details = usage_details(task, words, error.format_message())
-            except click.exceptions.Exit:
-                details = usage_details(task, words, "is no option for a task")
-            else:
-                continue
-            raise UsageError(f"{study.source}: a command line of this sweep is wrong", details)
+            problem = _problem(group, words, task.case)
+            if problem is not None:
+                details = usage_details(task, words, problem)
+                raise UsageError(f"{study.source}: a command line of this sweep is wrong", details)
+
+
+def _problem(group: click.Group, words: Sequence[str], case: Any) -> str | None:
+    """What is wrong with the command line of a step, None if nothing is."""
+    from slamcli.batch.sweep.plan import options_of
+
+    context = click.Context(group, info_name="slamcli")
+    step = group.get_command(context, words[0])
+    if step is None:
+        return f"there is no command {words[0]!r}"
+    if isinstance(step, click.Group):
+        return f"{words[0]} takes no graph"
+    try:
+        step.make_context(words[0], list(words[1:]), parent=context)
+    except click.UsageError as error:
+        return error.format_message()
+    except click.exceptions.Exit:
+        return "has an option that is none for a task"
+    for name, value in options_of(case, words[0]).items():
+        for parameter in step.params:
+            if isinstance(parameter.type, click.Path) and f"--{name}" in parameter.opts and not _absolute(value):
+                return f"--{name} {value}: must be an absolute path, since each task runs in a folder of its own"
+    return None
+
+
+def _absolute(value: Any) -> bool:
+    """Whether a value, or each of a list, is an absolute path."""
+    return all(os.path.isabs(str(item)) for item in (value if isinstance(value, list) else [value]))
 
 
 def _show(tasks: Any, number: int) -> int:
     from slamcli.batch.sweep.plan import command_lines
     from slamcli.reporting.sweep import command_text
 
-    if number >= len(tasks):
-        raise UsageError(f"--show {number}: there are {len(tasks)} tasks, from 0")
-    print(*command_text(tasks[number], command_lines(tasks[number])), sep="\n")
+    found = next((task for task in tasks if task.index == number), None)
+    if found is None:
+        numbers = f"from {tasks[0].index} to {tasks[-1].index}"
+        raise UsageError(f"--show {number}: there is no such task; there are {len(tasks)}, {numbers}")
+    print(*command_text(found, command_lines(found)), sep="\n")
     return 0

@@ -47,6 +47,30 @@ def _strict(yaml: Any) -> Any:
     return Loader
 
 
+def line_of(path: str, where: str) -> int | None:
+    """Line of a dotted key of a YAML file, from 1; of as much of it as is there, None of nothing.
+
+    For messages: the file is read again. Keys may have dots themselves (``axes.options.method``), and ``-`` is as good
+    as ``_``.
+    """
+    import yaml
+
+    try:
+        with open(path, encoding="utf-8") as stream:
+            node: Any = yaml.compose(stream, Loader=yaml.SafeLoader)
+    except (OSError, yaml.YAMLError, ValueError, RecursionError):
+        return None
+    line, rest = None, where.replace("-", "_")
+    while rest and node is not None and node.id == "mapping":
+        words = {str(key.value).replace("-", "_"): (key, value) for key, value in node.value}
+        found = max((word for word in words if f"{rest}.".startswith(f"{word}.")), key=len, default=None)
+        if found is None:
+            break
+        key, node = words[found]
+        line, rest = key.start_mark.line + 1, rest[len(found) + 1 :]
+    return line
+
+
 def suggestion(name: str, known: Iterable[str], what: str = "known") -> str:
     """A line that names the nearest of the known words, or all of them."""
     words = list(known)

@@ -74,7 +74,7 @@ def _machine(result: BenchResult) -> str:
     where = result.provenance
     versions = where["versions"]
     tools = ["slamcli", *(variant.tool for variant in result.variants if variant.is_peer)]
-    named = ", ".join(f"{name} {versions[name]}" for name in dict.fromkeys(tools))
+    named = ", ".join(f"{name} {versions[name] or 'absent'}" for name in dict.fromkeys(tools))
     return f"{named}; Python {versions['python']}; {where['processor']} ({where['processors']} processors)"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from slamcli.graph.columns import IdArray
 from slamcli.models import VariableKind
 from slamcli.models.base import Array
 from slamcli.reporting import documents
+from slamcli.reporting.landmarks import held_back_row
 from slamcli.reporting.text import plural, seconds, table
 from slamcli.solver.covariance.conventions import frame, tangent, units
 from slamcli.solver.covariance.result import CovarianceResult, Marginals, Relative
@@ -62,6 +64,7 @@ def covariance_summary(
             f"of the graph: chi2 {result.chi2:.6f}, {distance:.2g} standard deviations from the optimum",
         ),
         ("gauge", gauge_text(result)),
+        *([held_back_row(result.under_observed, result.edges_left_out)] if result.under_observed else []),
         *(("tangent", tangent_text(m.kind, result.request.convention)) for m in result.marginals),
         ("convention", result.request.convention),
         ("scale", scale_text(result)),
@@ -100,6 +103,7 @@ def covariance_document(
         "dof": result.dof,
         "predicted_decrease": result.predicted_decrease,
         "at_optimum": result.at_optimum,
+        "under_observed": [asdict(landmark) for landmark in result.under_observed],
         "probability": probability,
         "marginals": [_marginal_section(m, convention, quantiles[m.kind.space]) for m in result.marginals],
         "cross": [

@@ -1,12 +1,14 @@
-"""What ``slamcli optimize`` says of landmarks that were held back, or that could as well be elsewhere."""
+"""What is said of landmarks that were held back, or that could as well be elsewhere."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
 from slamcli.reporting.text import plural
 from slamcli.solver.result import Result
+from slamcli.solver.under_observed import UnderObserved
 
 _LISTED = 8
 
@@ -14,28 +16,37 @@ _LISTED = 8
 def landmark_rows(result: Result) -> list[tuple[str, str]]:
     """Rows of the summary."""
     rows = []
-    if found := result.under_observed:
-        edges = plural(sum(landmark.edges for landmark in found), "edge")
-        ids = _listed([f"{landmark.id} ({landmark.reason})" for landmark in found])
-        rows.append(("held back", f"{plural(len(found), 'landmark')} with {edges}, under-observed: {ids}"))
+    if result.under_observed:
+        assert result.held_back is not None
+        rows.append(held_back_row(result.under_observed, result.held_back.edges))
     if result.ambiguous:
         ids = _listed([str(landmark.id) for landmark in result.ambiguous])
         rows.append(("two places", f"fit {plural(len(result.ambiguous), 'landmark')} alike: {ids}"))
     return rows
 
 
+def held_back_row(found: Sequence[UnderObserved], edges: int) -> tuple[str, str]:
+    """Row of a summary about landmarks that are left out with their edges."""
+    ids = _listed([f"{landmark.id} ({landmark.reason})" for landmark in found])
+    return "held back", f"{plural(len(found), 'landmark')} with {plural(edges, 'edge')}, under-observed: {ids}"
+
+
+def held_back_warning(found: Sequence[UnderObserved]) -> list[str]:
+    """What standard error says of them, if there are any."""
+    if not found:
+        return []
+    ids = _listed([str(landmark.id) for landmark in found])
+    one = len(found) == 1
+    what = "1 landmark is" if one else f"{len(found)} landmarks are"
+    return [f"{what} not determined by {'its' if one else 'their'} edges and held back: {ids}"]
+
+
 def landmark_warnings(result: Result) -> list[str]:
     """What standard error says of them."""
-    out = []
-    if found := result.under_observed:
-        ids = _listed([str(landmark.id) for landmark in found])
-        one = len(found) == 1
-        what = "1 landmark is" if one else f"{len(found)} landmarks are"
-        out.append(f"{what} not determined by {'its' if one else 'their'} edges and held back: {ids}")
-        lost = [landmark for landmark in found if not landmark.has_value]
-        if lost:
-            ids = _listed([str(landmark.id) for landmark in lost])
-            out.append(f"no value is written for {plural(len(lost), 'landmark')} that had none: {ids}")
+    out = held_back_warning(result.under_observed)
+    if lost := [landmark for landmark in result.under_observed if not landmark.has_value]:
+        ids = _listed([str(landmark.id) for landmark in lost])
+        out.append(f"no value is written for {plural(len(lost), 'landmark')} that had none: {ids}")
     if result.ambiguous:
         ids = _listed([str(landmark.id) for landmark in result.ambiguous])
         out.append(

@@ -23,6 +23,7 @@ _CODES = {
     3: "invalid input",
     4: "not converged",
     5: "numerical failure",
+    70: "slamcli itself failed",
     124: "time limit",
     137: "killed",
 }
@@ -208,7 +209,9 @@ def interrupted_text(state: State, folder: Path) -> str:
 
 
 def failure_notes(state: State) -> list[str]:
-    """For each exit code but 0: the first task that ended with it, and why; and what the journal has besides."""
+    """For each exit code but 0: the first task that ended with it, and why; metrics that no task has; and what the
+    journal has besides.
+    """
     notes = []
     for code, count in state.codes.items():
         if code == 0:
@@ -216,6 +219,10 @@ def failure_notes(state: State) -> list[str]:
         task, record = next((task, record) for task, record in state.ended if record.exit_code == code)
         more = "" if count == 1 else f" (and {count - 1} more)"
         notes.append(f"task {task.index}{more}: {record.failed} ended with {code}: {record.message}")
+    records = [record for _, record in state.ended]
+    absent = [name for name in state.tasks[0].metrics if all(r.figures.get(name) is None for r in records)]
+    if absent and any(record.failed is None for record in records):
+        notes.append(f"no task has a value of {', '.join(absent)}")
     if state.others:
         notes.append(
             f"the journal has {plural(state.others, 'result')} of other tasks: of --only, of another sweep file or "

@@ -5,6 +5,10 @@ the gradient has no part. A damped step has none in it either, up to rounding, s
 along its seven freedoms by nothing that matters and needs nobody to be held; this is what Ceres does. Gauss-Newton and
 dogleg need a regular H: ``--gauge first`` gives one. Damping is in proportion to the diagonal of H, since a camera's
 tangent dimensions have units as different as radians, pixels and the distortion's 1.
+
+A step that takes a point through the plane of a camera leaves the valley that leads to the minimum: chi2 of what is
+behind a camera has minima of its own. If points have gone there, the run is repeated with the same damping in all
+dimensions, which moves distant points less, and the lower chi2 counts.
 """
 
 from __future__ import annotations
@@ -15,7 +19,8 @@ import numpy as np
 
 from slamcli.errors import UsageError
 from slamcli.graph import FactorGraph, Variables, camera_intrinsics
-from slamcli.graph.columns import BoolArray, IndexArray
+from slamcli.graph.columns import BoolArray, IndexArray, Values
+from slamcli.graph.depths import depths
 from slamcli.graph.topology import node_offsets
 from slamcli.models import BAL_INTRINSICS, CAMERA, PINHOLE_INTRINSICS, Projection
 from slamcli.solver.options import OptimizeOptions
@@ -44,6 +49,13 @@ def adapted(options: OptimizeOptions, graph: FactorGraph) -> OptimizeOptions:
     if options.method == "auto":
         options = replace(options, method="lm", scaling="marquardt")
     return replace(options, init="file")
+
+
+def gone_behind(graph: FactorGraph, before: Values, after: Values) -> int:
+    """How many observations have their point in front of the camera at one state and behind it at another."""
+    columns = [factors for factors in graph.factors if isinstance(factors.kind, Projection)]
+    pairs = [(depths(factors, before), depths(factors, after)) for factors in columns]
+    return sum(int(np.count_nonzero((first > 0.0) & ~(second > 0.0))) for first, second in pairs)
 
 
 def require_cameras(graph: FactorGraph, option: str, value: str) -> None:

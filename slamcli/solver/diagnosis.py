@@ -116,8 +116,9 @@ def _flat_direction(problem: Problem, system: LinearSystem) -> Array | None:
             for _ in range(4):
                 probe = LinearSystem(system.values, system.chi2, system.hessian, -direction)
                 direction = problem.solve(probe, damping)
-                direction = direction / norm(direction)
-            return direction
+                with np.errstate(all="ignore"):  # numbers may overflow
+                    direction = direction / norm(direction)
+            return direction if np.isfinite(direction).all() else None
         except NotPositiveDefiniteError:
             continue
     return None

@@ -15,7 +15,7 @@ import numpy as np
 from slamcli import models
 from slamcli.graph import FactorGraph
 from slamcli.graph.columns import Values
-from slamcli.solver import bundle, gauge, landmark_sides, under_observed
+from slamcli.solver import bundle, diagnosis, gauge, landmark_sides, under_observed
 from slamcli.solver.initialization import camera_points, initialize
 from slamcli.solver.initialization.initialize import FROM_FILE
 from slamcli.solver.options import OptimizeOptions
@@ -80,6 +80,8 @@ def _without(graph: FactorGraph, wanted: Landmarks, options: OptimizeOptions, on
     result = _reduced(graph, lost, options, once)
     if result is None:
         return None
+    if result.status is Status.FAILED and options.method == "auto":
+        result = _by_dogleg(graph, lost, options, once) or result
     for _ in range(_ROUNDS):
         now = under_observed.among(graph, wanted, result.graph.values)
         failed = result.status is Status.FAILED
@@ -94,6 +96,15 @@ def _without(graph: FactorGraph, wanted: Landmarks, options: OptimizeOptions, on
             break
         lost, result = changed, again
     return replace(result, under_observed=under_observed.described(graph, lost))
+
+
+def _by_dogleg(graph: FactorGraph, lost: Landmarks, options: OptimizeOptions, once: Once) -> Result | None:
+    """The result of bounded steps, where a step of Gauss-Newton sent a landmark too far away to come back."""
+    result = _reduced(graph, lost, replace(options, method="dogleg"), once)
+    if result is None or result.status is Status.FAILED:
+        return None
+    words = f"{result.start}, by dogleg since longer steps failed"
+    return replace(result, options=replace(result.options, method=options.method), start=words)
 
 
 def _taken_in(
@@ -144,12 +155,12 @@ def _poses(graph: FactorGraph, options: OptimizeOptions) -> Values:
 
 
 def _reduced(graph: FactorGraph, lost: Landmarks, options: OptimizeOptions, once: Once) -> Result | None:
-    """The result without some landmarks; None if no edge would be left."""
+    """The result without some landmarks; None if no edge would be left, or one is no edge: that of all says which."""
     if not lost:
         return _lowest(graph, options, once)
     held_back = HeldBack.of(graph, lost)
     part = held_back.reduced()
-    if not part.factors:
+    if not part.factors or diagnosis.indefinite_information(graph) is not None:
         return None
     result = _lowest(part, options, once)
     restored = held_back.restored(result.graph)
@@ -160,36 +171,30 @@ def _reduced(graph: FactorGraph, lost: Landmarks, options: OptimizeOptions, once
 def _lowest(graph: FactorGraph, options: OptimizeOptions, once: Once) -> Result:
     """The result; of ``--init auto`` the lowest that other sides of landmarks lead to."""
     result = once(graph, options)
-    if options.init != "auto" or options.max_iterations == 0 or result.status is Status.INTERRUPTED:
-        return _with_ambiguous(result)
+    if result.status in (Status.FAILED, Status.INTERRUPTED):
+        return result
+    if options.init != "auto" or options.max_iterations == 0:
+        return replace(result, ambiguous=landmark_sides.of(result)[2])
     from_file = result.start.startswith(FROM_FILE)
     given = {name: column.known for name, column in graph.variables.items()} if from_file else None
-    return _with_ambiguous(_other_sides(result, given, options, once))
+    return _other_sides(result, given, options, once)
 
 
 def _is_lower(other: Result, result: Result) -> bool:
     return other.final_chi2 < result.final_chi2 * (1.0 - _LOWER)
 
 
-def _with_ambiguous(result: Result) -> Result:
-    if result.status in (Status.FAILED, Status.INTERRUPTED):
-        return result
-    return replace(result, ambiguous=landmark_sides.of(result)[2])
-
-
 def _other_sides(result: Result, given: Landmarks | None, options: OptimizeOptions, once: Once) -> Result:
-    """The result of going on from landmarks at other places, as long as that lowers chi2."""
-    for _ in range(_FLIPS):
-        if result.status not in (Status.CONVERGED, Status.NOT_CONVERGED):
-            break
-        values, moved, _ = landmark_sides.of(result, given)
-        if moved == 0:
+    """The result of going on from landmarks at other places, as long as that lowers chi2; ambiguous ones are named."""
+    for number in range(_FLIPS + 1):
+        values, moved, ambiguous = landmark_sides.of(result, given)
+        if moved == 0 or number == _FLIPS:
             break
         other = once(result.graph.with_values(values), replace(options, init="file"))
         if other.status in (Status.FAILED, Status.INTERRUPTED) or not _is_lower(other, result):
             break
         result = _continued(result, other, f"then {moved} landmarks elsewhere")
-    return result
+    return replace(result, ambiguous=ambiguous)
 
 
 def _union(first: Landmarks, second: Landmarks) -> Landmarks:

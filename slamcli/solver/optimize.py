@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -86,6 +87,7 @@ class _Run:
     ) -> None:
         self.graph = bundle.with_intrinsics(graph, options.intrinsics).with_fixed(options.fix)
         self.options = bundle.adapted(options, graph)
+        self._scene = options.method == "auto" and bundle.has_projections(graph)
         self.on_iteration = on_iteration
         self.interrupted = interrupted
         self.stopwatch = Stopwatch()
@@ -97,6 +99,7 @@ class _Run:
         if not self.graph.factors:
             raise InputError("the graph has no edge that slamcli can use: nothing to optimize")
         scene_checks.require_finite(self.graph)
+        _require_fixed_places(self.graph)
         with self.stopwatch.phase("gauge"):
             self.gauge, self.held = gauge.choose(self.graph, self.options.gauge)
         with self.stopwatch.phase("check"):
@@ -109,8 +112,7 @@ class _Run:
                 return self._not_started(Verdict(Status.CONVERGED, "all variables are held: nothing to optimize"))
             return self._automatic() if self.options.init == "auto" else self._single()
         except NumericalError as error:
-            nowhere = Start(NO_START, self.graph.values, NO_START)
-            return self._outcome(nowhere, Verdict(Status.FAILED, error.message), math.nan, details=error.details)
+            return self._nowhere(Verdict(Status.FAILED, error.message), error.details)
 
     def _problem(self) -> Problem:
         losses = kernels.losses(self.graph, self.options)
@@ -121,7 +123,25 @@ class _Run:
         start = self._make(partial(initialization.make, self.graph, self.options.init, self.held))
         attempt = self._begin(self._problem(), start)
         self._to_the_end(attempt)
+        if self._scene and not attempt.failed and not self.interrupted():
+            attempt = self._with_points_in_front(attempt)
         return self._ended(attempt)
+
+    def _with_points_in_front(self, attempt: Attempt) -> Attempt:
+        """The run, or if it took points behind cameras a lower one with other damping."""
+        gone = bundle.gone_behind(self.graph, attempt.start.values, attempt.now.values)
+        if gone == 0:
+            return attempt
+        self.doubt = f"{gone} observations have their point behind the camera, which was in front of it at the start"
+        start = replace(attempt.start, name="file-unscaled", words=f"{attempt.start.words}, damping without scaling")
+        options = replace(self.options, scaling="none")
+        attempts = [attempt, Attempt(attempt.problem, start, options, self.on_iteration, self.began)]
+        self._to_the_end(attempts[1])
+        self.starts = {one.start.name: StartRecord.of(one) for one in attempts}
+        best = multistart.best(attempts)
+        if best is attempts[1]:
+            self.options = options
+        return best
 
     def _automatic(self) -> Result:
         """See ``multistart``."""
@@ -172,8 +192,16 @@ class _Run:
     def _not_started(self, verdict: Verdict, details: tuple[str, ...] = ()) -> Result:
         """A run that has nothing to do or cannot begin, at its start."""
         method = "file" if self.options.init == "auto" else self.options.init
-        start = self._make(partial(initialization.make, self.graph, method, self.held))
+        try:
+            start = self._make(partial(initialization.make, self.graph, method, self.held))
+        except NumericalError:
+            if verdict.status is not Status.FAILED:
+                raise
+            return self._nowhere(verdict, details)  # what cannot begin needs no start
         return self._outcome(start, verdict, self.graph.chi2(start.values), details=details)
+
+    def _nowhere(self, verdict: Verdict, details: tuple[str, ...]) -> Result:
+        return self._outcome(Start(NO_START, self.graph.values, NO_START), verdict, math.nan, details=details)
 
     def _ended(self, attempt: Attempt) -> Result:
         details = attempt.diagnose(self.graph, self.held)
@@ -206,3 +234,14 @@ class _Run:
             time=self.stopwatch.seconds,
             problem=None if attempt is None else attempt.problem,
         )
+
+
+def _require_fixed_places(graph: FactorGraph) -> None:
+    """Refuse landmarks that are held fixed nowhere."""
+    for name, column in graph.variables.items():
+        lost = column.fixed & ~column.known
+        if column.kind.is_point and lost.any():
+            raise InputError(
+                f"{name} {column.ids[lost][0]} is fixed, and has no value to be held at",
+                ("  give a vertex for it, or do not fix it",),
+            )

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from slamcli.graph import FactorGraph, Variables
+from slamcli.graph import FactorGraph, Factors, Variables
 from slamcli.graph.columns import BoolArray, IndexArray, Values, finite_rows
 from slamcli.models import BEARING_2D, RANGE_2D, XY, XYZ, FactorKind, Projection
 from slamcli.models.base import Array
@@ -85,6 +85,12 @@ class HeldBack:
             factors.append(np.flatnonzero(keep))
         return cls(graph, rows, factors)
 
+    @property
+    def edges(self) -> int:
+        """Number of edges that are left out."""
+        columns = zip(self.graph.factors, self.factors, strict=True)
+        return sum(len(column) - len(rows) for column, rows in columns)
+
     def without(self, graph: FactorGraph) -> FactorGraph:
         """Another graph of the same variables without what is left out."""
         lost = {}
@@ -152,34 +158,64 @@ def _selected(column: Variables, rows: IndexArray) -> Variables:
 def suspects(graph: FactorGraph) -> Landmarks:
     """Landmarks that may be under-observed: not fixed, seen by no camera, and not determined whatever the poses are.
 
-    Empty for most graphs.
+    Empty for most graphs. What joins landmarks with a value to each other only is left to the gauge.
     """
     out = {}
     for kind in (XY, XYZ):
         if kind.name not in graph.variables:
             continue
-        wanted = ~graph.variables[kind.name].fixed
+        column = graph.variables[kind.name]
+        wanted = ~column.fixed
         for factors in graph.factors:
             if isinstance(factors.kind, Projection) and kind in factors.kind.variables:
                 wanted[factors.indices[:, factors.kind.variables.index(kind)]] = False
         if wanted.any():
-            wanted &= ~observability.linearly(_all_sightings(graph, kind.name, graph.values, wanted))
+            sightings, group = _all_sightings(graph, kind.name, graph.values, wanted), observability.joined(graph, kind)
+            wanted &= ~observability.linearly(sightings, group) & _each(np.logical_and, wanted, group)
+            tied = [part.rows for part in sightings.parts if part.kind not in observability.DIFFERENCES]
+            alone = np.ones(len(column), dtype=bool)
+            alone[np.concatenate([np.empty(0, dtype=np.intp), *tied])] = False
+            several = np.bincount(group, minlength=len(column))[group] > 1
+            wanted &= ~(several & _each(np.logical_and, alone, group) & _each(np.logical_or, column.known, group))
         if wanted.any():
             out[kind.name] = wanted
     return out
 
 
+def _each(combined: np.ufunc, mask: BoolArray, group: IndexArray) -> BoolArray:
+    """A mask (n,) combined over each landmark's group."""
+    out = np.full(len(mask), bool(combined.identity))
+    combined.at(out, group, mask)
+    return np.asarray(out[group])
+
+
 def among(graph: FactorGraph, wanted: Landmarks, values: Values) -> Landmarks:
-    """Those of some landmarks that their sightings from the poses of ``values`` do not determine."""
-    out = {}
+    """Those of some landmarks that their sightings from the poses of ``values`` do not determine.
+
+    Differences count where the other landmark is determined.
+    """
+    out, values = {}, dict(values)
     for name, mask in wanted.items():
-        sightings = _all_sightings(graph, name, values, mask)
-        places, _ = best(sightings, own_values(graph, name))
-        found = finite_rows(places)
-        determined = found & observability.determined(sightings, np.where(found[:, None], places, 0.0))
-        if (lost := mask & ~determined).any():
+        lost, near, kind = mask.copy(), own_values(graph, name), graph.variables[name].kind
+        while lost.any():
+            placed = {other: np.ones(len(column), dtype=bool) for other, column in graph.variables.items()}
+            sightings = Sightings.of_graph(graph, kind, values, {**placed, name: ~lost}, lost)
+            found, _ = best(sightings, near)
+            good = lost & finite_rows(found)
+            good &= observability.determined(sightings, np.where(good[:, None], found, 0.0))
+            values[name] = np.where(good[:, None], found, values[name])
+            lost &= ~good
+            if not good.any() or not observability.differences(graph, kind):
+                break
+        if lost.any():
             out[name] = lost
     return out
+
+
+def at_values(graph: FactorGraph) -> Landmarks:
+    """Landmarks that are under-observed with everything else at the graph's values."""
+    wanted = suspects(graph)
+    return among(graph, wanted, graph.values) if wanted else {}
 
 
 def places(graph: FactorGraph, name: str, wanted: BoolArray) -> Array:
@@ -195,25 +231,32 @@ def described(graph: FactorGraph, landmarks: Landmarks) -> tuple[UnderObserved, 
         column = graph.variables[name]
         counts = [
             (factors, np.bincount(factors.indices[:, slot], minlength=len(column)))
-            for factors in graph.factors
-            for slot, kind in enumerate(factors.kind.variables)
-            if kind.name == name
+            for factors, slot in _ends(graph, name)
         ]
+        weight = np.zeros(len(column))
+        for factors, slot in _ends(graph, name):
+            weight += np.bincount(factors.indices[:, slot], np.abs(factors.information).sum(axis=(1, 2)), len(column))
         for row in np.flatnonzero(mask).tolist():
             seen = {factors.kind: int(count[row]) for factors, count in counts if count[row]}
             total = sum(int(count[row]) for _, count in counts)
-            out.append(
-                UnderObserved(int(column.ids[row]), name, total, _reason(set(seen), total), bool(column.known[row]))
-            )
+            reason = _reason(set(seen), total, weight[row] > 0.0)
+            out.append(UnderObserved(int(column.ids[row]), name, total, reason, bool(column.known[row])))
     return tuple(sorted(out, key=lambda landmark: landmark.id))
 
 
-def _reason(kinds: set[FactorKind], total: int) -> str:
+def _ends(graph: FactorGraph, name: str) -> list[tuple[Factors, int]]:
+    """Columns of factors with the slots in which they have variables of a kind."""
+    return [(f, slot) for f in graph.factors for slot, kind in enumerate(f.kind.variables) if kind.name == name]
+
+
+def _reason(kinds: set[FactorKind], total: int, weighs: bool) -> str:
     """What is all that there is of a landmark."""
     if total == 0:
         return "no edge"
+    if not weighs:
+        return f"{total} edge{'s' if total > 1 else ''} without information"
     if kinds == {BEARING_2D}:
-        return "a single bearing" if total == 1 else f"{total} bearings along one line"
+        return "a single bearing" if total == 1 else f"{total} bearings that do not cross"
     if kinds == {RANGE_2D}:
         return "a single range" if total == 1 else f"{total} ranges from one direction"
     return "a single edge" if total == 1 else f"{total} edges that leave a direction open"

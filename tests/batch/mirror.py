@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -26,6 +27,12 @@ class Mirror:
         Whether it knows ranges.
     requests
         Path and Range header of every request that came.
+    redirect
+        Where every request is sent instead.
+    kind
+        Content-Type of the files.
+    sleep
+        Seconds to wait in the middle of a file.
     url
         Its address.
     """
@@ -36,6 +43,9 @@ class Mirror:
     length: bool = True
     wrong_range: bool = False
     requests: list[tuple[str, str | None]] = field(default_factory=list)
+    redirect: str = ""
+    kind: str = ""
+    sleep: float = 0.0
     url: str = ""
 
 
@@ -48,6 +58,11 @@ def serving(mirror: Mirror) -> Iterator[Mirror]:
             wanted = self.headers.get("Range")
             mirror.requests.append((self.path, wanted))
             answer = mirror.answers.pop(0) if mirror.answers else None
+            if mirror.redirect:
+                self.send_response(302)
+                self.send_header("Location", mirror.redirect)
+                self.end_headers()
+                return
             content = mirror.files.get(self.path.lstrip("/"))
             if content is None or (answer or 0) > 0:
                 self.send_error(answer or 404)
@@ -64,9 +79,15 @@ def serving(mirror: Mirror) -> Iterator[Mirror]:
                 self.send_header("Content-Range", f"bytes {said}-{len(content) - 1}/{len(content)}")
             else:
                 self.send_response(200)
+            if mirror.kind:
+                self.send_header("Content-Type", mirror.kind)
             if mirror.length:
                 self.send_header("Content-Length", str(len(content) - first))
             self.end_headers()
+            if mirror.sleep:
+                self.wfile.write(content[first : first + 100])
+                time.sleep(mirror.sleep)
+                return
             self.wfile.write(content[first : len(content) if answer is None else first - answer])
 
         def log_message(self, *words: Any) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from slamcli.batch.sweep.journal import Record
@@ -37,6 +39,17 @@ def record_of(task: Task, value: float = 1.5, code: int = 0) -> Record:
     """A record as if the task had been run."""
     failed, message = (None, "") if code == 0 else ("optimize", "it went wrong")
     return Record(task.key, code, failed, message, dict.fromkeys(task.metrics, value), {"optimize": 0.25})
+
+
+@dataclass(frozen=True)
+class Pretender:
+    """Takes the place of a ``Performer``: the number of a task is its result, after some seconds."""
+
+    seconds: float = 0.02
+
+    def __call__(self, task: Task, folder: str | None = None) -> Record:
+        time.sleep(self.seconds)
+        return record_of(task, float(task.index))
 
 
 def pretended(tasks: Sequence[Task]) -> Iterator[Record]:

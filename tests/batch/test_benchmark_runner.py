@@ -7,6 +7,7 @@ import io
 import json
 import math
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -239,6 +240,29 @@ def test_a_child_that_takes_too_long_or_breaks_is_an_answer() -> None:
     assert broken["solve"] is None and "nowhere.g2o: cannot be read" in broken["note"]
     (wrong,) = answers(request | {"tasks": [{"fix": [777777]}]}, 1, lambda: 60.0)
     assert "no variable has the id 777777" in wrong["note"]
+
+
+@pytest.mark.parametrize(
+    ("name", "optimum"), [("manhattan_small.g2o", 877.0484089), ("square_toro.graph", 52.313557056)]
+)
+def test_the_optimum_of_the_registry_is_found_by_the_hash_of_the_file(name: str, optimum: float) -> None:
+    assert described("x", BUNDLED / name).optimum == pytest.approx(optimum, rel=1e-9)
+
+
+def test_files_of_the_working_directory_are_no_part_of_a_child(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file random.py beside the data would be imported in place of the library."""
+    for name in ("random.py", "slamcli.py", "tempfile.py"):
+        (tmp_path / name).write_text("raise SystemExit(77)\n")
+    monkeypatch.chdir(tmp_path)
+    request = {
+        "path": str(BUNDLED / "square_toro.graph"),
+        "peer": "slamcli",
+        "best": None,
+        "reference": "",
+        "tasks": [{}],
+    }
+    (answer,) = answers(request, 1, lambda: 60.0)
+    assert answer["chi2"] == pytest.approx(52.3135571, rel=1e-8)
 
 
 def test_an_optimum_of_zero_is_reached_but_for_rounding() -> None:

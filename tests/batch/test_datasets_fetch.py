@@ -55,6 +55,51 @@ def get(mirror: Mirror, entry: DatasetEntry | None = None, policy: Policy = QUIC
     return fetch(entry or one_file(), mirror.url, policy=policy)
 
 
+@pytest.mark.parametrize(
+    "url",
+    [
+        "http://[bad",
+        "http://h:port",
+        "http://h:99999",
+        "http://..x",
+        f"http://{'a' * 300}",
+        "http://:80",
+        "http://u:pw@h:x",
+    ],
+)
+def test_addresses_that_are_none(url: str) -> None:
+    with pytest.raises(UsageError, match="is no http or https address") as caught:
+        mirror_url(url, PATH)
+    assert "pw" not in caught.value.message
+
+
+@pytest.mark.parametrize("place", ["http://[bad", f"http://{'a' * 300}", "file:///etc/passwd", "/loop"])
+def test_redirections_to_nowhere(cache: Path, place: str) -> None:
+    with (
+        serving(Mirror({PATH: DATA}, redirect=place)) as mirror,
+        pytest.raises(InputError, match="leads to an address that is none, or round in circles"),
+    ):
+        get(mirror)
+    assert left(cache) == []
+
+
+def test_a_web_page_is_no_file(cache: Path) -> None:
+    with (
+        serving(Mirror({PATH: b"<html>"}, kind="text/html; charset=utf-8")) as mirror,
+        pytest.raises(InputError, match="the server answered with a web page"),
+    ):
+        get(mirror)
+    assert left(cache) == []
+
+
+def test_a_server_that_falls_asleep(cache: Path) -> None:
+    with (
+        serving(Mirror({PATH: DATA}, sleep=0.6)) as mirror,
+        pytest.raises(InputError, match=r"did not answer in time, 1 time$"),
+    ):
+        get(mirror, policy=Policy(retries=0, timeout=0.2))
+
+
 def test_whole_file(cache: Path, mirror: Mirror) -> None:
     seen: list[tuple[str, int, int]] = []
     path, size = fetch(one_file(), mirror.url + "/", policy=QUICK, progress=lambda *state: seen.append(state))

@@ -74,24 +74,24 @@ def test_a_folder(tmp_path: Path) -> None:
         ("  format:", "  formt:", 7, "unknown key 'formt' of world", "did you mean format?"),
         ("    licence:", "    license:", 15, "unknown key 'license' of a source", "did you mean licence?"),
         ("poses: 3", "pose: 3", 11, "unknown key 'pose' of counts", "did you mean poses?"),
-        ("    chi2: 2.5\n", "", 19, "the key 'chi2' of an optimum is missing", ""),
-        ("  reader: graph\n", "", 2, "the key 'reader' of world is missing", ""),
+        ("    chi2: 2.5\n", "", 18, "the key 'chi2' of an optimum is missing", ""),
+        ("  reader: graph\n", "", 1, "the key 'reader' of world is missing", ""),
         ("reader: graph", "reader: grph", 8, "unknown word 'grph'", "did you mean graph?"),
         ("convention: g2o", "convention: g3o", 20, "unknown word 'g3o'", "did you mean g2o?"),
         ("  bytes: 12", "  path: b.g2o", 10, "the key 'path' stands twice", ""),
         ("  bytes: 12\n", "", 1, "world needs either sha256 and bytes, or files", ""),
-        ("bytes: 12", "bytes: -12", 10, "expected a count, found '-12'", ""),
-        ("bytes: 12", "bytes: 12.5", 10, "expected a count, found '12.5'", ""),
-        ("bytes: 12", "bytes: true", 10, "expected a count, found 'true'", ""),
+        ("bytes: 12", "bytes: -12", 10, "expected an integer from 0 on, found -12", ""),
+        ("bytes: 12", "bytes: 12.5", 10, "expected an integer from 0 on, found 12.5", ""),
+        ("bytes: 12", "bytes: true", 10, "expected an integer from 0 on, found true", ""),
         ("chi2: 2.5", "chi2: nan", 19, "expected a number from 0 on, found 'nan'", ""),
-        ("start: 1e3", "start: -1", 17, "expected a number from 0 on, found '-1'", ""),
+        ("start: 1e3", "start: -1", 17, "expected a number from 0 on, found -1", ""),
         (HASH, HASH[1:], 9, f"'{HASH[1:]}' is no sha256", "64 digits"),
         ("path: pose2d/world.g2o", "path: ../world.g2o", 6, "'../world.g2o' is no relative path", ""),
         ("path: pose2d/world.g2o", "path: /world.g2o", 6, "'/world.g2o' is no relative path", ""),
         ("path: pose2d/world.g2o", r"path: a\world.g2o", 6, "is no relative path", ""),
-        ('[earth, "2e3"]', "earth", 2, "expected a list, found a scalar", ""),
+        ('[earth, "2e3"]', "earth", 2, "expected a list, found 'earth'", ""),
         ("world:", "wor ld:", 1, "'wor ld' cannot be a name", ""),
-        ("about: >-\n    A world\n    of two lines.", "about: [a]", 3, "expected a word or a text, found a seq", ""),
+        ("about: >-\n    A world\n    of two lines.", "about: [a]", 3, "expected a word or a text, found a list", ""),
         ("optimum:\n", "optimum: none\n#", 18, "", ""),
     ],
 )
@@ -126,6 +126,25 @@ def test_names_and_paths_are_unique(tmp_path: Path) -> None:
         merge([first, replace(second, name="WORLD")])
     with pytest.raises(UsageError, match="has the path of world"):
         merge([first, replace(second, path="pose2d/World.g2o")])
+
+
+def test_aliases_are_no_names(tmp_path: Path) -> None:
+    (first,) = parse(tmp_path, TEXT)
+    second = replace(first, name="other", path="pose2d/other.g2o", aliases=("WORLD",))
+    with pytest.raises(UsageError, match=r"the alias WORLD of other is a data set's name"):
+        merge([first, second])
+    with pytest.raises(UsageError, match="is its own name"):
+        merge([replace(first, name="wor_ld", aliases=("wor-ld",))])
+    with pytest.raises(UsageError, match="the alias a-b of world stands twice"):
+        merge([replace(first, aliases=("a-b", "A_B"))])
+    with pytest.raises(UsageError, match="a_b has the name of a-b"):
+        merge([replace(first, name="a-b"), replace(second, name="a_b")])
+
+
+def test_a_clash_is_told_with_file_and_line() -> None:
+    found = entry("sphere2500")
+    with pytest.raises(UsageError, match=r"pose3d\.yaml:\d+: sphere2500 has the path of other"):
+        merge([replace(found, name="other"), found])
 
 
 def test_no_alias_is_the_name_of_another() -> None:

@@ -38,6 +38,24 @@ def test_search_path(tmp_path: Path, own_folder: Path) -> None:
     assert folders == [tmp_path / "nowhere", own_folder, tmp_path / "cache/slamcli/datasets", bundled_folder()]
 
 
+def test_a_user_that_there_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SLAMCLI_DATASETS", "~nobody-of-this-name/data")
+    assert search.folders()[0] == Path("~nobody-of-this-name/data")
+    assert datasets.available("square_toro")
+
+
+@pytest.mark.parametrize(
+    ("word", "meant"),
+    [("square_tor", "square_toro"), ("M3500.g2o", "pose2d/M3500.g2o"), ("nosuch.g2o", None), ("./square_tor", None)],
+)
+def test_what_an_input_may_mean(capsys: pytest.CaptureFixture[str], word: str, meant: str | None) -> None:
+    assert main(["info", word]) == 3
+    said = capsys.readouterr().err
+    assert f"{word}: cannot be read: No such file or directory" in said
+    assert ("did you mean" in said) == (meant is not None)
+    assert meant is None or f"did you mean the data set {meant}" in said
+
+
 def test_first_folder_wins(tmp_path: Path, own_folder: Path) -> None:
     cached = tmp_path / "cache/slamcli/datasets/square_toro.graph"
     cached.parent.mkdir(parents=True)

@@ -98,6 +98,10 @@ def test_a_baseline_that_cannot_be_written(tmp_path: Path) -> None:
         (lambda d: d["cases"]["one"]["figures"]["chi2"].update(value="x"), "chi2 has the value 'x'"),
         (lambda d: d["cases"]["one"]["figures"]["chi2"].update(worth=1), "damaged baseline"),
         (lambda d: d.update(cases=[]), "damaged baseline"),
+        (lambda d: d["cases"]["one"]["figures"]["chi2"].update(value=10**400), "chi2 has the value 1"),
+        # a deviation that is no number would forgive a time everything
+        (lambda d: d["cases"]["one"]["figures"]["chi2"].update(mad=float("nan")), "chi2 has the deviation nan"),
+        (lambda d: next(iter(d["provenance"].values())).update(versions=1), "damaged baseline"),
     ],
 )
 def test_damaged_baselines(change: Any, message: str, tmp_path: Path) -> None:
@@ -110,15 +114,43 @@ def test_damaged_baselines(change: Any, message: str, tmp_path: Path) -> None:
         baselines.read(str(path))
 
 
+def test_a_baseline_that_nests_without_end(tmp_path: Path) -> None:
+    path = tmp_path / "b.json"
+    path.write_text("[" * 100_000)
+    with pytest.raises(UsageError, match="is no JSON document"):
+        baselines.read(str(path))
+
+
+def test_a_time_that_gates_can_be_blessed(tmp_path: Path) -> None:
+    """Times change from run to run, so they alone are no reason to write; one that fails is."""
+    case = "  - {name: one, data: graph.g2o, metrics: {solve_seconds: {gate: true}}}\n"
+    suite = blessed(tmp_path, case)
+    slower = FakeMachine({"optimize": optimized(time={"iterate": 9.0, "setup": 0.0, "certify": 0.0})})
+    assert ran(suite, slower).exit_code == ExitCode.CHECK_FAILED
+    report = ran(suite, slower, update=True)
+    assert report.update is not None and report.update.written
+    assert ran(suite, slower).exit_code == ExitCode.SUCCESS
+
+
+def test_a_case_that_is_not_blessed_fails_whatever_else_is(tmp_path: Path) -> None:
+    """Worse and incomplete: the graver of the two could be blessed, the other cannot."""
+    suite = blessed(tmp_path, "  - {name: one, data: graph.g2o, metrics: [chi2, iterations]}\n")
+    report = ran(suite, FakeMachine({"optimize": {"chi2": 20.0}}), update=True)
+    assert report.update is not None and list(report.update.refused) == ["one"]
+    assert report.exit_code == ExitCode.CHECK_FAILED
+
+
 def test_the_baseline_says_where_it_comes_from(tmp_path: Path) -> None:
     suite = blessed(tmp_path)
     found = baselines.read(baselines.default_path(suite.path))
     assert found is not None
     entry = found.of("one")
-    keys = {"slamcli", "python", "numpy", "scipy", "cvxopt", "platform", "cpu", "date", "git", "source"}
-    assert keys <= set(entry)
+    assert {"date", "platform", "processor", "revision", "source", "reference_kernel"} <= set(entry)
+    assert {"slamcli", "python", "numpy", "scipy", "cvxopt"} <= set(entry["versions"])
     assert found.suite_sha256 == suite.sha256
     assert len(found.cases["one"].inputs["graph.g2o"]) == 64
-    changed = {key: {**value, "numpy": "1.0"} for key, value in found.provenance.items()}
+    changed = {
+        key: {**value, "versions": {**value["versions"], "numpy": "1.0"}} for key, value in found.provenance.items()
+    }
     report = regress(suite, FakeMachine().machine, baseline=replace(found, provenance=changed), baseline_path="b")
     assert "the baseline was made elsewhere: numpy 1.0 -> " in report.notes[0]

@@ -114,6 +114,11 @@ def test_an_exit_code_that_was_not_expected(tmp_path: Path) -> None:
     assert ran(suite).cases[0].verdict is Verdict.LIMIT
 
 
+def test_a_process_that_was_killed(tmp_path: Path) -> None:
+    report = ran(suite_of(tmp_path, ONE), FakeMachine({}, {"optimize": 137}))
+    assert figure(report, "exit_code").message == "137: ended by SIGKILL (out of memory?), expected 0"
+
+
 def test_a_step_beside_the_command_that_fails(tmp_path: Path) -> None:
     suite = suite_of(tmp_path, "  - {name: one, simulate: square, metrics: [chi2]}\n")
     report = ran(suite, FakeMachine({}, {"simulate": 2}, {"simulate": "error: no such world\n"}))
@@ -186,6 +191,11 @@ def test_cases_and_figures_that_are_gone_fail_unless_only_some_run(tmp_path: Pat
     assert (report.cases[1].name, report.cases[1].line, report.exit_code) == ("one", None, ExitCode.CHECK_FAILED)
     report = ran(suite_of(tmp_path, two), only=["tw*"])
     assert (len(report.cases), report.exit_code) == (1, ExitCode.SUCCESS)
+
+
+def test_a_name_that_is_no_pattern_of_itself(tmp_path: Path) -> None:
+    suite = suite_of(tmp_path, ONE.replace("one", '"a[1]"') + ONE)
+    assert [case.name for case in ran(suite, only=["a[1]"]).cases] == ["a[1]"]
 
 
 def test_only_has_to_match(tmp_path: Path) -> None:

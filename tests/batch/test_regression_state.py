@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 from pathlib import Path
 from typing import Any
 
@@ -88,6 +90,26 @@ def test_a_torn_line_of_the_state_does_not_count(tmp_path: Path) -> None:
     state = State(str(path), resume=True)
     assert len(state.finished) == 3
     state.close(keep=True)
+
+
+def test_what_is_no_state_is_not_overwritten(tmp_path: Path) -> None:
+    path = tmp_path / "precious.g2o"
+    path.write_text("VERTEX_SE2 0 0 0 0\n")
+    for resume in (False, True):
+        with pytest.raises(InputError, match="is no state file"):
+            State(str(path), resume=resume)
+    assert path.read_text() == "VERTEX_SE2 0 0 0 0\n"
+    path.write_text('{"na')  # cut short by a full disk
+    State(str(path), resume=True).close(keep=False)
+
+
+def test_a_full_disk_is_told_as_such(tmp_path: Path) -> None:
+    class Full(FakeMachine):
+        def execute(self, words: Any, folder: Path, limit: float | None) -> Any:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with pytest.raises(InputError, match="case one cannot be run: No space left"):
+        ran(suite_of(tmp_path, ONE), Full())
 
 
 def test_two_runs_do_not_share_a_state(tmp_path: Path) -> None:

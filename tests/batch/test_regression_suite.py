@@ -52,20 +52,35 @@ def test_defaults_and_overrides(tmp_path: Path) -> None:
         ("cases: [{name: a, data: graph.g2o, metrics: {chi2: {beter: lower}}}]", "unknown key 'beter'"),
         (
             "cases: [{name: a, data: graph.g2o, metrics: {chi2: {better: less}}}]",
-            "'less' is none of lower, higher, equal",
+            "unknown word 'less'\n  known: lower, higher, equal",
         ),
         ("cases: [{name: a, data: graph.g2o, metrics: {chi2: {relative: -1}}}]", "a number from 0 on, found -1"),
-        ("cases: [{name: a, data: graph.g2o, metrics: {chi2: {at_most: .nan}}}]", "expected a number, found nan"),
+        ("cases: [{name: a, data: graph.g2o, metrics: {chi2: {at_most: .nan}}}]", "expected a number, found .nan"),
         ("cases: [{name: a, data: graph.g2o, metrics: {exit_code: {equals: 1}}}]", "expect: {exit_code: N}"),
+        ("cases: [{name: a, data: graph.g2o, metrics: {exit_code: {gate: false}}}]", "expect: {exit_code: N}"),
+        (
+            "defaults: {metrics: {exit_code: {equals: 1}}}\ncases: [{name: a, data: graph.g2o}]",
+            ":1: say what the exit code should be",
+        ),
         ("cases: [{name: a, data: graph.g2o, expect: {code: 1}}]", "unknown key 'code' of expect"),
-        ("cases: [{name: a, data: graph.g2o, command: optimise}]", "'optimise' is none of optimize"),
+        ("cases: [{name: a, data: graph.g2o, command: optimise}]", "unknown word 'optimise'\n  did you mean optimize?"),
         ("cases: [{name: a, data: graph.g2o, simulate: square}]", "needs data or simulate, one of them"),
+        ("cases: [{name: a, data: graph.g2o, metrics: {chi2: lower}}]", "expected keys with values, found 'lower'"),
+        ("cases: [{name: a, data: graph.g2o, metrics: [chi2, chi2]}]", "the metric chi2 stands twice"),
+        ("cases: [{name: a, data: graph.g2o, options: {certify: }}]", "certify has no value"),
+        ("cases: [{name: a, data: graph.g2o, time_limit: 0}]", "a positive number of seconds"),
+        ("cases: [{name: a, data: graph.g2o, expect: {exit_code: 256}}]", "no process ends with 256"),
+        ("cases: [{name: a, data: graph.g2o, command: info, truth: t.g2o}]", "truth goes with optimize and ekf"),
+        ("cases: [{name: a, data: e.g2o, command: evaluate, truth: t.g2o}]", "options: {truth: 'file:...'}"),
+        ("cases: [{name: a, data: graph.g2o, evaluate: {align: none}}]", "there is nothing to compare with"),
+        ('cases: [{name: a, data: "a\\0b"}]', "can be in no name, option or path"),
+        ('{name: "\\ud800", cases: []}', "is not valid YAML"),
         ("cases: [{name: a}]", "needs data or simulate, one of them"),
         ("cases: [{data: graph.g2o}]", "a case needs a name"),
         ("cases: [{name: a, data: graph.g2o}, {name: a, data: graph.g2o}]", "the name 'a' stands twice"),
         ("cases: [{name: a, data: graph.g2o, simulation: {seed: 1}}]", "simulation goes with simulate"),
         ("cases: [{name: a, simulate: square, truth: graph.g2o}]", "a simulation has its own truth"),
-        ("cases: [{name: a, data: graph.g2o, labels: graph.g2o, inject: {seed: 1}}]", "inject says itself"),
+        ("cases: [{name: a, data: graph.g2o, labels: graph.g2o, inject: {false_closures: 1}}]", "inject says itself"),
         ("cases: [{name: a, simulate: square, optimum: true}]", "optimum of data sets only"),
         ("cases: [{name: a, data: graph.g2o, options: {output: x}}]", "'output' is set by regress itself"),
         ("cases: [{name: a, data: graph.g2o, options: {set: {a: 1}}}]", "expected a value or a list"),
@@ -116,9 +131,11 @@ def test_inputs_are_relative_to_the_suite_and_hashed(tmp_path: Path, monkeypatch
 def test_data_that_are_not_there_and_names_that_mean_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SLAMCLI_DATASETS", str(tmp_path))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    suite = suite_of(tmp_path, "  - {name: a, data: nowhere.g2o}\n  - {name: b, data: sphere2500}\n")
-    first, second = prepare(suite, suite.cases)
+    cases = "  - {name: a, data: nowhere.g2o}\n  - {name: b, data: sphere2500}\n  - {name: c, data: nowhere.bal}\n"
+    suite = suite_of(tmp_path, cases)
+    first, second, third = prepare(suite, suite.cases)
     assert "nowhere.g2o: no such file" in first.missing
+    assert "nowhere.bal: no such file" in third.missing
     assert "sphere2500 is not here" in second.missing
     suite = suite_of(tmp_path, "  - {name: a, data: sphere25}\n")
     with pytest.raises(UsageError, match=r"suite\.yaml:3: case a: there is no data set 'sphere25'"):

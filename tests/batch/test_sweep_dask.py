@@ -7,9 +7,10 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
-from sweeps import SMALL, tasks_in
+from sweeps import SMALL, Pretender, pretended, tasks_in
 
 from slamcli.batch.sweep.cluster import cluster
 from slamcli.batch.sweep.local import local
@@ -25,9 +26,9 @@ SIXTY = SMALL.replace("seeds: 2", "seeds: 30")
 
 @pytest.fixture(scope="module")
 def workers():
-    """Two workers: one of them with two threads, which do not get into each other's way."""
+    """Two workers of one thread."""
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=2, dashboard_address=":0", silence_logs=50, host="127.0.0.1"
+        n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50, host="127.0.0.1"
     ) as found:
         yield found
 
@@ -42,7 +43,7 @@ def written(tasks, folder, engine, tick=lambda: None):
 
 def test_killed_workers_lose_nothing_and_count_nothing_twice(workers, tmp_path):
     tasks = tasks_in(tmp_path, SIXTY)
-    expected, *_ = written(tasks, tmp_path / "local", lambda given: local(given, Performer(), 2))
+    expected, *_ = written(tasks, tmp_path / "local", pretended)
     ended, killed = [], []
 
     def kill():
@@ -54,20 +55,33 @@ def test_killed_workers_lose_nothing_and_count_nothing_twice(workers, tmp_path):
             os.kill(worker.pid, signal.SIGKILL)
 
     found, results, lines = written(
-        tasks, tmp_path / "dask", lambda given: cluster(given, Performer(), workers.scheduler_address), kill
+        tasks, tmp_path / "dask", lambda given: cluster(given, Pretender(), workers.scheduler_address), kill
     )
     assert len(set(killed)) == 2
     assert found == expected
     assert results == lines == len(ended) == 60
 
 
-def test_what_is_there_is_not_run_again(workers, tmp_path):
+def test_tables_are_those_of_joblib_and_what_is_there_is_not_run_again(workers, tmp_path):
+    """With real tasks."""
     tasks = tasks_in(tmp_path)
+    expected, *_ = written(tasks, tmp_path / "local", lambda given: local(given, Performer(), 1))
     engine = lambda given: cluster(given, Performer(), workers.scheduler_address)  # noqa: E731
     part, *_ = written(tasks[:2], tmp_path / "out", engine)
     found, results, lines = written(tasks, tmp_path / "out", engine)
-    assert found.startswith(part)
+    assert expected.startswith(part)
+    assert found == expected
     assert results == lines == 4
+
+
+def test_two_sweeps_with_the_same_tasks_do_not_end_each_other(workers, tmp_path):
+    """The scheduler knows a task by its key: that of another sweep's is another one."""
+    tasks = tasks_in(tmp_path)
+    first = cluster(tasks, Pretender(0.2), workers.scheduler_address)
+    second = cluster(tasks, Pretender(0.2), workers.scheduler_address)
+    next(first), next(second)
+    first.close()  # as Ctrl-C does: what it has submitted is cancelled
+    assert len(list(second)) == len(tasks) - 1
 
 
 def test_an_error_of_a_worker_is_told(workers, tmp_path):
@@ -108,7 +122,8 @@ def test_a_scheduler_that_goes_away(tmp_path):
         found = distributed.LocalCluster(protocol="tcp", **{options})
         print(found.scheduler_address, flush=True)
         time.sleep(120)"""
-    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    kept = os.environ | {"PYTHONPATH": str(Path(__file__).parent)}  # where the pretender is
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, env=kept)
     try:
         assert process.stdout is not None
         address = process.stdout.readline().strip()
@@ -116,7 +131,7 @@ def test_a_scheduler_that_goes_away(tmp_path):
         with opened(tmp_path / "out") as journal:
             began = time.monotonic()
             with pytest.raises(InputError, match="is gone"):
-                run(tasks, journal, lambda given: cluster(given, Performer(), address), process.kill)
+                run(tasks, journal, lambda given: cluster(given, Pretender(), address), process.kill)
             assert time.monotonic() - began < 60
             assert 1 <= len(journal.records) < 60
     finally:

@@ -60,7 +60,17 @@ def test_a_journal_torn_in_its_first_line_begins_anew(tmp_path):
     assert path.read_bytes().count(b"\n") == 1
 
 
-@pytest.mark.parametrize("line", [b"{}", b"[]", b"x", b'{"key": "a"}', b'{"journal": "slamcli sweep", "format": 2}'])
+#: A record but for one value.
+ODD = [
+    b'{"key": ["a"], "exit_code": 0, "failed": null, "message": "", "figures": {}, "seconds": {}}',
+    b'{"key": "a", "exit_code": 0, "failed": null, "message": "", "figures": [], "seconds": {}}',
+    b'{"key": "a", "exit_code": "0", "failed": null, "message": "", "figures": {}, "seconds": {}}',
+]
+
+
+@pytest.mark.parametrize(
+    "line", [b"{}", b"[]", b"x", b'{"key": "a"}', *ODD, b'{"journal": "slamcli sweep", "format": 2}']
+)
 @pytest.mark.parametrize("number", [1, 3])
 def test_what_is_no_journal_is_refused_and_kept(tmp_path, line, number):
     path = filled(tmp_path / "out", tasks_in(tmp_path))
@@ -167,6 +177,12 @@ def test_a_file_in_place_of_the_folder(tmp_path):
     (tmp_path / "out").write_text("")
     with pytest.raises(InputError, match="out: cannot be written: File exists"), opened(tmp_path / "out"):
         pass
+
+
+def test_a_folder_without_results_is_not_made_to_look_at_them(tmp_path):
+    with pytest.raises(InputError, match="has no results of a sweep"), opened(tmp_path / "typo", make=False):
+        pass
+    assert not (tmp_path / "typo").exists()
 
 
 def test_two_sweeps_at_once_are_refused(tmp_path):

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from sweeps import SMALL, sweep_of, tasks_in
 
-from slamcli.batch.sweep.plan import command_lines, injection_seed, tasks_of
+from slamcli.batch.sweep.plan import INPUTS, command_levels, command_lines, injection_seed, tasks_of
+from slamcli.batch.sweep.read import OWN
 from slamcli.errors import InputError, UsageError
 
 ROOT = Path(__file__).parents[2]
@@ -88,8 +89,8 @@ def test_only_selects_by_name(tmp_path):
     sweep = sweep_of(tmp_path)
     found = tasks_of(sweep, "*method=lm*")
     assert [(task.index, task.name) for task in found] == [
-        (0, "options.method=lm,seed=0"),
-        (1, "options.method=lm,seed=1"),
+        (2, "options.method=lm,seed=0"),  # numbered as in the whole sweep
+        (3, "options.method=lm,seed=1"),
     ]
     with pytest.raises(UsageError, match="no task matches --only 'x'"):
         tasks_of(sweep, "x")
@@ -133,6 +134,8 @@ def test_files_are_called_as_the_sweep_file_calls_them(tmp_path):
     assert second.case.data.endswith("sphere_small.g2o")
 
 
+#: 10^400 tasks.
+TOO_MANY = "".join(f"  options.a{k}: [{', '.join(map(str, range(10)))}]\n" for k in range(400))
 DATA = SMALL.replace("simulate: square\n  simulation: {poses: 30, set: {closures.count: 4}}", "data: graph.g2o")
 
 
@@ -152,8 +155,21 @@ DATA = SMALL.replace("simulate: square\n  simulation: {poses: 30, set: {closures
         (SMALL.replace("options.method", "option.method"), ("'option.method' is no key of the case",)),
         (SMALL.replace("options.method", "options.a.b"), ("options have no dots",)),
         (SMALL.replace("[gn, lm]", "[]"), ("axes.options.method: has no value",)),
-        (SMALL.replace("[gn, lm]", "[1, 1.0]"), ("the value 1 stands twice",)),
-        (SMALL.replace("[gn, lm]", "[1, true]"), ("the value 1 stands twice",)),
+        (SMALL.replace("[gn, lm]", "[1, 1.0]"), ("the value 1.0 stands twice",)),
+        (SMALL.replace("[gn, lm]", "[1, true]"), ("the value true stands twice",)),
+        (SMALL.replace("[gn, lm]", '[1, "1"]'), ("the value 1 stands twice",)),
+        (SMALL.replace("[gn, lm]", '["g\\0n"]'), ("has a character that is none",)),
+        (SMALL.replace("square", '"\\ud800"'), ("has a character that is none",)),
+        (SMALL.replace("options.method: [gn, lm]", "ate: {a: {}}"), ("axes.ate: is the name of a metric, too",)),
+        (
+            SMALL.replace("chi2]", "'optimise:chi2']"),
+            ("no step 'optimise'", "steps: simulate, inject, evaluate, optimize"),
+        ),
+        (SMALL.replace("options.method", "options.output"), ("the sweep sets --output itself",)),
+        (SMALL.replace("poses: 30", "truth: t.g2o"), ("case.simulation.truth: the sweep sets --truth itself",)),
+        (SMALL + "summary: {by: [options.method, options.method]}\n", ("options.method stands twice",)),
+        (SMALL.replace("case:", "case:\n  time-limit: .inf"), ("at most 3e+08, found inf",)),
+        (SMALL.replace("axes:", "axes:\n" + TOO_MANY), ("makes more than 10^15 tasks",)),
         (SMALL.replace("[gn, lm]", "[{a: 1}]"), ("expected a value or a list of values, found dict",)),
         (
             SMALL.replace("  options.method", "  m: {a: {options.method: gn}}\n  options.method"),
@@ -163,7 +179,7 @@ DATA = SMALL.replace("simulate: square\n  simulation: {poses: 30, set: {closures
         (SMALL.replace("seeds: 2", "seeds: 0"), ("seeds: expected a whole number of at least 1, found 0",)),
         (SMALL.replace("seeds: 2", "seed: 2"), ("seed: is the first of several seeds",)),
         (SMALL.replace("poses: 30", "seed: 3"), ("take simulation.seed out of the case",)),
-        (SMALL.replace("case:", "case:\n  time-limit: 0"), ("expected a positive number of seconds",)),
+        (SMALL.replace("case:", "case:\n  time-limit: 0"), ("expected a number of seconds, at most 3e+08, found 0",)),
         (SMALL.replace("case:", "case:\n  data: graph.g2o"), ("needs data or simulate, has both",)),
         (SMALL + "summary: {by: [methd]}\n", ("no axis 'methd'",)),
         (SMALL + "summary: {statistic: mode}\n", ("expected mean or median",)),
@@ -183,6 +199,82 @@ def test_bad_files_are_told_by_name(tmp_path, content, said):
     assert text.startswith(str(tmp_path / "study.yaml"))
     for part in said:
         assert part in text
+
+
+@pytest.mark.parametrize(
+    ("content", "line"),
+    [
+        (SMALL.replace("simulate:", "simulat:"), 3),
+        (SMALL.replace("poses: 30", "poses: {}"), 4),
+        (SMALL.replace("options.method", "option.method"), 6),
+        (SMALL.replace("[ate, chi2]", "[ate, chi3]"), 7),
+        (SMALL + "summary:\n  by: []\n  compare: {a: b}\n", 10),
+        (SMALL.replace("options.method: [gn, lm]", "m:\n    a: {}\n    b: {method: gn}"), 8),
+    ],
+)
+def test_messages_have_the_line(tmp_path, content, line):
+    with pytest.raises(UsageError) as caught:
+        tasks_in(tmp_path, content)
+    assert caught.value.message.startswith(f"{tmp_path / 'study.yaml'}:{line}: ")
+
+
+def test_a_file_of_the_current_folder_is_not_meant(tmp_path, monkeypatch):
+    """Files are relative to the folder of the sweep file, wherever slamcli is called."""
+    (tmp_path / "elsewhere").mkdir()
+    monkeypatch.chdir(tmp_path / "elsewhere")
+    Path("graph.g2o").write_text("VERTEX_SE2 0 0 0 0\n")
+    content = DATA.replace("seeds: 2\n", "")
+    with pytest.raises(InputError, match=r"study\.yaml:2: case\.data: .*graph\.g2o: there is no such file"):
+        tasks_in(tmp_path, content)
+    (tmp_path / "graph.g2o").write_text("VERTEX_SE2 0 0 0 0\n")
+    assert {task.case.data for task in tasks_in(tmp_path, content)} == {str(tmp_path / "graph.g2o")}
+
+
+def test_a_folder_of_a_log_is_data(tmp_path):
+    (tmp_path / "log").mkdir()
+    keys = []
+    for content in ("1\n", "2\n"):
+        (tmp_path / "log" / "a.txt").write_text(content)
+        (task,) = tasks_in(tmp_path, "case: {command: ekf, data: log}\nmetrics: [nis]\n")
+        assert task.case.data == str(tmp_path / "log")
+        keys.append(task.key)
+    assert len(set(keys)) == 2
+
+
+def test_keys_depend_on_the_files_that_options_name(tmp_path):
+    config = tmp_path / "options.yaml"
+    content = SMALL.replace("axes:", f"  options: {{config: {config}}}\naxes:")
+    keys = []
+    for iterations in (1, 2):
+        config.write_text(f"max-iterations: {iterations}\n")
+        keys.append({task.key for task in tasks_in(tmp_path, content)})
+    assert keys[0].isdisjoint(keys[1])
+
+
+def test_inputs_are_the_options_that_name_files_to_be_read():
+    """A file that is read and not among them could change, and old results would count."""
+    import click
+
+    from slamcli.cli.main import build_group
+
+    group = build_group()
+    context = click.Context(group)
+    commands = {"simulation": ["simulate"], "inject": ["inject"], "evaluate": ["evaluate"]}
+    commands["options"] = ["optimize", "ekf", "sparsity", "covariance", "info"]
+    for section, names in commands.items():
+        for name in names:
+            for option in group.get_command(context, name).params:
+                if isinstance(option, click.Option) and isinstance(option.type, click.Path):
+                    writes = option.help.startswith(("Write", "Draw", "Picture"))
+                    known = option.opts[-1].removeprefix("--") in (*INPUTS[section], *OWN[section])
+                    assert writes or known, (name, option.opts)
+
+
+def test_large_sweeps_are_planned_in_one_go(tmp_path):
+    """A combination of levels is worked out once for all its seeds."""
+    tasks = tasks_in(tmp_path, SMALL.replace("seeds: 2", "seeds: 2000"))
+    assert len(tasks) == len({task.key for task in tasks}) == 4000
+    assert len({id(task.labels) for task in tasks}) == 2 == len(list(command_levels(tasks)))
 
 
 @pytest.mark.parametrize("name", ["nowhere.g2o", "world.yaml"])

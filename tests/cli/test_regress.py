@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import os
 import signal
@@ -74,8 +75,42 @@ def test_the_summary_of_a_job(folder: Path, monkeypatch: pytest.MonkeyPatch) -> 
     assert text.startswith("before\n") and "| c0 |" in text
 
 
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["-o", "suite.baseline.json"], "is an input and would be overwritten"),
+        (["--state", "suite.baseline.json"], "is an input and would be overwritten"),
+        (["-o", "."], "is a folder"),
+        (["--baseline", "-"], "--baseline needs a file"),
+    ],
+)
+def test_what_no_report_may_overwrite(
+    folder: Path, words: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["regress", "suite.yaml", "--only", "c0", "--update-baseline"]) == 0
+    before = Path("suite.baseline.json").read_bytes()
+    assert main(["regress", "suite.yaml", *words]) in (2, 3)
+    assert message in capsys.readouterr().err
+    assert Path("suite.baseline.json").read_bytes() == before
+
+
+def test_a_compressed_report_has_the_format_of_its_name(folder: Path) -> None:
+    assert main(["regress", "suite.yaml", "--only", "c0", "-o", "r.json.gz"]) == 0
+    with gzip.open("r.json.gz") as stream:
+        assert json.load(stream)["command"] == "regress"
+
+
+def test_files_of_the_working_directory_are_no_part_of_slamcli(folder: Path) -> None:
+    """Nor of Python: a file random.py there would be imported in place of the library."""
+    for name in ("random.py", "slamcli.py", "tempfile.py"):
+        Path(name).write_text("raise SystemExit(77)\n")
+    Path("suite.yaml").write_text("cases: [{name: a, data: graph.g2o, metrics: [time_ratio]}]\n")
+    assert main(["regress", "suite.yaml"]) == 0
+
+
 @pytest.mark.skipif(os.name == "nt", reason="signals")
-def test_ctrl_c_keeps_what_is_finished(folder: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_ctrl_c_keeps_what_is_finished(folder: Path, number: signal.Signals) -> None:
     """The first case ends, the second one would take for ever; the next run takes the first from the state."""
     Path("suite.yaml").write_text(
         "cases:\n  - {name: quick, data: graph.g2o, command: info}\n"
@@ -99,7 +134,7 @@ def test_ctrl_c_keeps_what_is_finished(folder: Path) -> None:
         if state.exists() and state.read_text():
             break
         time.sleep(0.05)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     out, err = process.communicate(timeout=60)
     assert process.returncode == 130
     assert "interrupted: 1 of 2 cases" in out and "--resume" in err and "Traceback" not in err

@@ -259,3 +259,13 @@ def test_too_little_memory_is_said_without_a_traceback(monkeypatch, capsys):
     monkeypatch.setattr("slamcli.simulation.simulate.simulate", hungry)
     assert main(["simulate", "square"]) == 5
     assert capsys.readouterr().err.startswith("error: out of memory\n")
+
+
+def test_output_that_the_encoding_lacks_is_utf8(tmp_path):
+    """As on Windows, where a pipe has one of the old code pages."""
+    target = tmp_path / "grün.g2o"
+    with start("optimize", str(GRAPH), "-o", str(target), env=environment(PYTHONIOENCODING="ascii")) as process:
+        out, err = process.communicate()
+    assert process.returncode == 0
+    assert b"Traceback" not in err
+    assert "grün.g2o" in out.decode("utf-8")

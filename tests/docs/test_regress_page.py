@@ -51,7 +51,15 @@ def test_every_json_key_is_explained(tmp_path, monkeypatch, capsys):
     text = (ROOT / "docs" / "json.md").read_text(encoding="utf-8")
     section = text[text.index("## `regress`") : text.index("## `sweep`")]
     (case,) = document["cases"]
-    keys = [*document, *case, *case["metrics"][0], *document["update"], *document["provenance"], *document["suite"]]
+    keys = [
+        *document,
+        *case,
+        *case["metrics"][0],
+        *document["update"],
+        *document["provenance"],
+        *document["provenance"]["versions"],
+        *document["suite"],
+    ]
     for key in keys:
         assert f"`{key}`" in section or key in ("schema_version", "command", "version"), key
 
@@ -75,7 +83,9 @@ def test_workflows_are_yaml_and_their_commands_exist(name):
 
 @pytest.mark.skipif(shutil.which("make") is None, reason="needs make")
 def test_the_makefile_works_when_it_is_included(tmp_path):
-    (tmp_path / "Makefile").write_text(f"SLAMCLI := echo ran\nSLAMCLI_SUITE := s.yaml\ninclude {CI / 'slamcli.mk'}\n")
+    (tmp_path / "Makefile").write_text(
+        f"SLAMCLI := echo ran\nSLAMCLI_SUITE := s.yaml\ninclude {CI / 'slamcli.mk'}\nall: ; @echo mine\n"
+    )
 
     def made(target):
         words = ["make", "-s", "-C", str(tmp_path), target, "ARGS=--only 'a*'"]
@@ -84,4 +94,6 @@ def test_the_makefile_works_when_it_is_included(tmp_path):
 
     assert made("slam-regress") == ["ran regress s.yaml --only a*"]
     assert made("slam-report") == ["ran regress s.yaml -o slam-report.html --only a*"]
+    plain = subprocess.run(["make", "-s", "-C", str(tmp_path)], capture_output=True, text=True, check=True)
+    assert "mine" in plain.stdout  # the first target of a Makefile stays the default
     assert made("slam-bless") == ["ran regress s.yaml --update-baseline --only a*"]

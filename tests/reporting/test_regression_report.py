@@ -49,7 +49,11 @@ def _case(verdict: Verdict, name: str) -> CaseResult:
 
 def made(*verdicts: Verdict, **changes: object) -> RegressionReport:
     cases = tuple(_case(verdict, f"{verdict.value} case") for verdict in verdicts)
-    provenance = {"slamcli": "0.1.0", "python": "3.12", "numpy": "2", "cpu": "x", "date": "2026-01-02T03:04:05+00:00"}
+    provenance = {
+        "date": "2026-01-02T03:04:05+00:00",
+        "processor": "x",
+        "versions": {"slamcli": "0.1.0", "python": "3.12", "numpy": "2", "scipy": None},
+    }
     report = RegressionReport(
         "the suite", "suite.yaml", "f" * 64, "b.json", cases, 2, False, len(cases), 1, 12.5, provenance, (provenance,)
     )
@@ -204,6 +208,8 @@ def test_the_table_is_short_unless_asked_and_coloured_on_terminals_only() -> Non
         ((Verdict.REGRESSION,), {"interrupted": True}, 130),
         ((Verdict.REGRESSION, Verdict.CHANGED), {"update": Update("b", True, (), 0)}, 0),
         ((Verdict.LIMIT,), {"update": Update("b", True, (), 0)}, 1),
+        # a case with two faults of which the graver could be blessed keeps its old figures
+        ((Verdict.REGRESSION,), {"update": Update("b", True, (), 0, {"0": "chi2: absent"})}, 1),
         ((Verdict.PASS,), {"update": Update("b", False, (), 0, failed=True)}, 3),
     ],
 )

@@ -37,6 +37,14 @@ def study(tmp_path, content=STUDY):
     return read_sweep(str(path))
 
 
+def test_a_metric_that_no_task_has_is_told(tmp_path):
+    sweep = study(tmp_path, STUDY.replace("[ate]", '[ate, recall, "optimize:no.such.key"]'))
+    tasks = tasks_of(sweep)
+    figures = {"ate": 1.0, "recall": None, "optimize:no.such.key": None}
+    state = State(tasks, {task.key: Record(task.key, 0, None, "", figures, {}) for task in tasks})
+    assert failure_notes(state) == ["no task has a value of recall, optimize:no.such.key"]
+
+
 @pytest.fixture
 def found(tmp_path):
     sweep = study(tmp_path)

@@ -10,7 +10,7 @@ from support import dataset
 import slamcli
 from slamcli.errors import UsageError
 from slamcli.graph import FactorGraph
-from slamcli.solver import gauge
+from slamcli.solver import bundle, gauge
 from slamcli.solver.result import Status
 
 
@@ -117,3 +117,37 @@ def test_the_standard_sets_reach_the_cost_of_ceres(name: str, initial: float, co
     result = slamcli.optimize(slamcli.read(str(dataset(name))))
     assert 0.5 * result.initial_chi2 == pytest.approx(initial, rel=1e-6)
     assert 0.5 * result.final_chi2 <= cost * (1.0 + 1e-5)
+
+
+@pytest.mark.parametrize("intrinsics", ["fixed", "shared", "free"])
+@pytest.mark.parametrize("robust", ["gnc", "switchable"])
+def test_robust_runs_have_nothing_to_reject_in_images(intrinsics: str, robust: str) -> None:
+    plain = slamcli.optimize(perturbed(ring()), intrinsics=intrinsics)
+    result = slamcli.optimize(perturbed(ring()), intrinsics=intrinsics, robust=robust)
+    assert result.rejection is not None
+    assert (result.final_chi2, result.dof) == (plain.final_chi2, plain.dof)
+    assert (result.rejection.count, result.rejection.inlier_dof) == (0, plain.dof)
+
+
+def test_points_that_went_behind_cameras_are_a_doubt() -> None:
+    """Scaled damping moves a distant point through the plane of a camera; the minimum there is not the lowest."""
+    scene = slamcli.read(str(dataset("bal/gbp_fr1desk_vsmall.txt")))
+    scaled = slamcli.optimize(scene, method="lm", scaling="marquardt")
+    assert bundle.gone_behind(scene, scene.values, scaled.graph.values) > 0
+    result = slamcli.optimize(scene)
+    assert result.doubt is not None and "behind the camera" in result.doubt
+    assert [start.name for start in result.starts] == ["file", "file-unscaled"]
+    assert bundle.gone_behind(scene, scene.values, result.graph.values) == 0
+    assert result.final_chi2 < 0.8 * scaled.final_chi2
+    assert (result.options.scaling, result.start) == ("none", result.starts[1].words)
+    assert result.trace == list(result.starts[1].trace)
+
+
+def test_points_that_go_behind_are_counted() -> None:
+    scene = ring()
+    mirrored = {name: values.copy() for name, values in scene.values.items()}
+    mirrored["XYZ"] *= -1e3
+    there = bundle.gone_behind(scene, scene.values, mirrored)
+    assert 0 < there < len(scene.factors[0])
+    assert bundle.gone_behind(scene, scene.values, scene.values) == 0
+    assert bundle.gone_behind(scene, mirrored, scene.values) == 0  # what comes back is no doubt

@@ -101,7 +101,7 @@ def test_vertices_of_the_file_stay_and_the_others_hang_on_them(tmp_path: Path) -
     # pose 2 by its edge to pose 1 or to pose 3
     candidates = np.array([[1.0, 4.0, 0.0], [9.0 - np.cos(1.0), 9.0 - np.sin(1.0), 1.0]])
     assert np.abs(candidates - result.graph.values["SE2"][3]).max(axis=1).min() < 1e-12
-    assert result.start == "values of the file; 1 variables without one placed along a spanning tree"
+    assert result.start == "values of the file; 1 without one placed by their edges"
 
 
 @pytest.mark.parametrize("init", ["file", "odometry", "spanning-tree"])

@@ -9,11 +9,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 from support import dataset, write_file
 
 import slamcli
+from slamcli.errors import InputError, NumericalError
 from slamcli.formats.writer import render
 from slamcli.graph import FactorGraph
 from slamcli.simulation.settings import scenario_of
 from slamcli.simulation.simulate import Simulation, simulate
-from slamcli.solver.covariance import CovarianceRequest, recover, recovery_of
+from slamcli.solver.covariance import CovarianceRequest, recover, recovery_at, recovery_of
 from slamcli.solver.result import Result, Status
 
 # Five poses along a bent path, and the landmark 9, which is all right.
@@ -45,10 +46,11 @@ def ids(result: Result) -> list[int]:
         ("EDGE_BEARING_SE2_XY 0 7 0.8 400\n", "a single bearing"),
         ("EDGE_RANGE_SE2_XY 0 7 2.5 100\n", "a single range"),
         ("EDGE_RANGE_SE2_XY 0 7 2.5 100\nEDGE_RANGE_SE2_XY 0 7 2.6 100\n", "2 ranges from one direction"),
-        ("EDGE_BEARING_SE2_XY 0 7 0 400\nEDGE_BEARING_SE2_XY 1 7 0 400\n", "2 bearings along one line"),
-        ("EDGE_BEARING_SE2_XY 0 7 0.3 400\nEDGE_BEARING_SE2_XY 1 7 0.28 400\n", "2 bearings along one line"),  # diverge
+        ("EDGE_BEARING_SE2_XY 0 7 0 400\nEDGE_BEARING_SE2_XY 1 7 0 400\n", "2 bearings that do not cross"),
+        ("EDGE_BEARING_SE2_XY 0 7 0.3 400\nEDGE_BEARING_SE2_XY 1 7 0.28 400\n", "2 bearings that do not cross"),
         ("", "no edge"),
         ("EDGE_SE2_XY 0 7 3 1 1 0 0\n", "a single edge"),  # nothing weighs y
+        ("EDGE_SE2_XY 0 7 3 1 0 0 0\n", "1 edge without information"),
     ],
 )
 @pytest.mark.parametrize("value", ["VERTEX_XY 7 4.25 -1.5\n", ""])
@@ -66,6 +68,44 @@ def test_it_is_named_and_left_as_it_was(edges: str, reason: str, value: str, ini
     lines = render(result.graph).data.decode().splitlines()
     assert [line for line in lines if line.startswith("VERTEX_XY 7")] == value.splitlines()
     assert [line for line in lines if line.startswith("EDGE")] == (PATH + edges).splitlines()[4:]
+
+
+JOINED = "EDGE_BEARING_SE2_XY 0 7 0.8 400\nEDGE_POINTXY 7 8 1 0 100 0 100\n"
+
+
+@pytest.mark.parametrize("values", ["VERTEX_XY 7 2 2\nVERTEX_XY 8 3 2\n", ""])
+def test_landmarks_do_not_determine_each_other(values: str, tmp_path: Path) -> None:
+    """A single bearing for two that are joined is too little for both; a point seen of either is enough for both."""
+    result = optimized(tmp_path, values + PATH + JOINED)
+    assert [(one.id, one.edges, one.reason) for one in result.under_observed] == [
+        (7, 2, "2 edges that leave a direction open"),
+        (8, 1, "a single edge"),
+    ]
+    assert result.held_back is not None
+    assert result.held_back.edges == 2
+    assert result.final_chi2 == pytest.approx(optimized(tmp_path, PATH).final_chi2, rel=1e-9)
+    seen = optimized(tmp_path, values + PATH + JOINED + "EDGE_SE2_XY 1 8 2 2 10 0 10\n")
+    assert (seen.under_observed, seen.status) == ((), Status.CONVERGED)
+    rays = "EDGE_BEARING_SE2_XY 1 8 0.8 400\nEDGE_BEARING_SE2_XY 2 8 1.2 400\n"
+    assert optimized(tmp_path, values + PATH + JOINED + rays).under_observed == ()
+
+
+def test_joined_landmarks_apart_from_all_poses_are_for_the_gauge(tmp_path: Path) -> None:
+    alone = "VERTEX_XY 7 2 2\nVERTEX_XY 8 3 2.5\nEDGE_POINTXY 7 8 1 0 100 0 100\n"
+    result = optimized(tmp_path, PATH + alone)
+    assert (result.under_observed, result.gauge.held) == ((), (0, 7))
+
+
+def test_edges_that_are_none_are_not_hidden(tmp_path: Path) -> None:
+    """An indefinite information matrix is an error, whatever the landmark is."""
+    result = optimized(tmp_path, PATH + "EDGE_SE2_XY 0 7 1 1 -100 0 100\n")
+    assert result.status is Status.FAILED
+    assert "indefinite" in result.reason
+
+
+def test_what_is_fixed_needs_a_value(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="XY 7 is fixed, and has no value"):
+        optimized(tmp_path, PATH + "EDGE_BEARING_SE2_XY 0 7 0.8 400\n", fix=(7,))
 
 
 def test_the_gauge_of_a_landmark_that_is_held_back_is_not_said(tmp_path: Path) -> None:
@@ -116,6 +156,24 @@ def test_covariances_are_those_of_what_is_optimized(tmp_path: Path) -> None:
         assert_allclose(mine.covariance, other.covariance, rtol=1e-6, atol=1e-12)
 
 
+@pytest.mark.parametrize("value", ["VERTEX_XY 7 1 1\n", ""])
+def test_covariances_of_a_file_hold_back_as_well(value: str, tmp_path: Path) -> None:
+    """Everything else has the covariances that it has alone; what is held back has none."""
+    point = "VERTEX_XY 9 3 2\n"
+    graphs = [
+        slamcli.read(str(write_file(tmp_path, text)))
+        for text in (value + "EDGE_BEARING_SE2_XY 0 7 0.8 400\n" + point + PATH, point + PATH)
+    ]
+    found, alone = (recover(recovery_at(graph), CovarianceRequest()) for graph in graphs)
+    assert [(landmark.id, landmark.reason) for landmark in found.under_observed] == [(7, "a single bearing")]
+    assert alone.under_observed == ()
+    for mine, other in zip(found.marginals, alone.marginals, strict=True):
+        assert_array_equal(mine.ids, other.ids)
+        assert_allclose(mine.covariance, other.covariance, rtol=1e-9)
+    with pytest.raises(NumericalError, match="landmark 7 do not determine it"):
+        recover(recovery_at(graphs[0]), CovarianceRequest(ids=(7,)))
+
+
 def test_robust_runs_hold_back_as_well(tmp_path: Path) -> None:
     text = PATH + "EDGE_SE2 0 3 2 1 1.5707963267948966 100 0 0 100 0 1000\nEDGE_BEARING_SE2_XY 0 7 0.8 400\n"
     result = optimized(tmp_path, text, robust="pcm+gnc")
@@ -131,9 +189,9 @@ def test_nothing_but_a_bearing_is_told_as_before(tmp_path: Path) -> None:
     assert result.under_observed == ()
 
 
-def drawn(kind: str, seed: int) -> Simulation:
-    """200 poses in streets, with landmarks that one kind of sensor sees."""
-    content = {"world": "manhattan", "poses": 200, "seed": seed, "landmarks": {"density": 0.02}}
+def drawn(kind: str, seed: int, poses: int = 200) -> Simulation:
+    """Poses in streets, with landmarks that one kind of sensor sees."""
+    content = {"world": "manhattan", "poses": poses, "seed": seed, "landmarks": {"density": 0.02}}
     return simulate(scenario_of({**content, "sensors": [{"kind": kind}]}, "test"))
 
 
@@ -195,3 +253,13 @@ def test_the_range_only_set_comes_to_its_truth() -> None:
     off = mine - truth.variables["XY"].values[truth.variables["XY"].rows_of(sure)]
     assert np.sqrt(np.square(off).sum(axis=1).mean()) < 0.03
     assert np.abs(off).max() < 0.1
+
+
+def test_a_landmark_that_runs_away_is_not_left_out_but_reached_by_bounded_steps() -> None:
+    """From the odometry of 1000 poses a step of Gauss-Newton sends a landmark to where H is singular."""
+    graph = without_landmarks(drawn("bearing", 1, poses=1000).graph)
+    result = slamcli.optimize(graph, init="odometry")
+    assert (result.status, result.options.method) == (Status.CONVERGED, "auto")
+    assert "dogleg" in result.start
+    assert result.final_chi2 / result.dof < 1.1
+    assert len(result.under_observed) <= 1

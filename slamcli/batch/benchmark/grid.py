@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, fields
 from itertools import product
@@ -10,6 +9,7 @@ from typing import Any
 
 from slamcli.batch.benchmark.peers.settings import PEERS
 from slamcli.errors import UsageError
+from slamcli.formats.configuration import suggestion
 from slamcli.solver.options import OptimizeOptions
 
 #: Name of the tool that is no peer.
@@ -66,7 +66,7 @@ def parameters(texts: Iterable[str]) -> dict[str, tuple[Any, ...]]:
         if not equals or not words:
             raise UsageError(f"--param {text!r}: expected NAME=VALUE,VALUE,...")
         if name not in kinds:
-            raise UsageError(f"--param: optimize has no option {name!r}", (_suggestion(name, kinds),))
+            raise UsageError(f"--param: the optimizer has no option {name!r}", (suggestion(name, kinds, "one of"),))
         if name in found:
             raise UsageError(f"--param: {name} stands twice", ("  give all its values in one: NAME=V1,V2",))
         values = tuple(_value(name, word.strip(), kinds[name]) for word in words.split(","))
@@ -76,11 +76,6 @@ def parameters(texts: Iterable[str]) -> dict[str, tuple[Any, ...]]:
             _checked({name: value})
         found[name] = values
     return found
-
-
-def _suggestion(name: str, known: Iterable[str]) -> str:
-    close = difflib.get_close_matches(name, list(known), n=1)
-    return f"  did you mean {close[0]}?" if close else f"  one of: {', '.join(known)}"
 
 
 def _value(name: str, word: str, kind: str) -> Any:
@@ -151,7 +146,7 @@ def peers(texts: Iterable[str]) -> tuple[str, ...]:
     names = [word.strip() for text in texts for word in text.split(",")]
     for name in names:
         if name not in PEERS:
-            raise UsageError(f"--peers: there is no peer {name!r}", (_suggestion(name, PEERS),))
+            raise UsageError(f"--peers: there is no peer {name!r}", (suggestion(name, PEERS, "one of"),))
         if importlib.util.find_spec(name) is None:
             raise UsageError(f"--peers: {name} is not installed", ("  pip install 'slamcli[peers]'",))
     return tuple(dict.fromkeys(names))

@@ -8,17 +8,15 @@ import os
 import queue
 import signal
 import subprocess
-import sys
 import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from typing import IO, Any, TextIO
 
+from slamcli.batch.execution import PYTHON, THREADS
+
 #: Seconds for a child to load its libraries and its graph.
 LOADING = 60.0
-#: What sets the number of threads of the libraries.
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-
 #: Asks a child: a request, the number of its tasks, the seconds for each (and those to load).
 Ask = Callable[[dict[str, Any], int, Callable[[], float]], Iterator[dict[str, Any]]]
 
@@ -91,8 +89,8 @@ def _child(
     request: dict[str, Any], threads: int | None
 ) -> Iterator[tuple[subprocess.Popen[str], queue.Queue[str], IO[bytes]]]:
     """A child with the request on its standard input and its lines in a queue; it is gone at the end."""
-    command = [sys.executable, "-m", "slamcli.batch.benchmark.child"]
-    environment = dict(os.environ) | ({} if threads is None else dict.fromkeys(_THREADS, str(threads)))
+    command = [*PYTHON, "slamcli.batch.benchmark.child"]
+    environment = dict(os.environ) | ({} if threads is None else dict.fromkeys(THREADS, str(threads)))
     lines: queue.Queue[str] = queue.Queue()
     with (
         tempfile.TemporaryFile() as messages,

@@ -19,8 +19,8 @@ import slamcli
 from slamcli.batch.benchmark.grid import Variant
 from slamcli.batch.benchmark.peers.settings import Setting, tried
 from slamcli.batch.benchmark.processes import LOADING, answers
-from slamcli.batch.benchmark.provenance import provenance
 from slamcli.batch.benchmark.result import BenchResult, Data, Row, Run
+from slamcli.batch.provenance import provenance
 from slamcli.errors import InputError
 
 Json = dict[str, Any]
@@ -54,7 +54,8 @@ def _optimum(digest: str) -> float | None:
 
     for entry in load().values():
         if not entry.is_folder and entry.sha256 == digest and entry.optimum is not None:
-            return entry.optimum.chi2 if entry.optimum.convention in ("g2o", "pixels") else None
+            # slamcli's chi2 of a file is that of its format, also of TORO's
+            return entry.optimum.chi2 if entry.optimum.convention != "chordal" else None
     return None
 
 

@@ -54,10 +54,16 @@ def mirror_url(mirror: str, path: str) -> str:
     UsageError
         If the mirror is no http or https address.
     """
-    parts = urlsplit(mirror)
-    if parts.scheme not in ("http", "https") or not parts.netloc:
+    try:
+        parts = urlsplit(mirror)
+        labels = (parts.hostname or "").rstrip(".").split(".")
+        # a colon is an address of version 6; a port that is none raises as well
+        is_host = ":" in labels[0] or (all(0 < len(label) < 64 for label in labels) and parts.port != 0)
+    except ValueError:
+        is_host = False
+    if not is_host or parts.scheme not in ("http", "https"):
         raise UsageError(
-            f"--mirror {mirror}: is no http or https address",
+            f"--mirror {mirror.rpartition('@')[2]}: is no http or https address",
             ("  a folder of this machine needs no mirror: name it in SLAMCLI_DATASETS",),
         )
     return urlunsplit(parts._replace(path=f"{parts.path.rstrip('/')}/{quote(path)}"))
@@ -98,14 +104,18 @@ def download(url: str, part: Path, size: int, policy: Policy, progress: Callable
             try:
                 _attempt(session, url, stream, size, policy.timeout, progress)
                 return
+            except (requests.TooManyRedirects, ValueError):  # in any words, which may hold passwords
+                shown = without_password(url)
+                raise InputError(f"{shown}: leads to an address that is none, or round in circles") from None
             except (Interruption, requests.RequestException) as error:
-                if isinstance(error, ValueError):  # an address that is none
-                    raise UsageError(f"{without_password(url)}: {error}") from None
                 reason = _reason(error)
             failures += 1
             if failures > policy.retries:
-                kept = f"  {stream.tell()} of {size} bytes are kept; the same command goes on from there"
-                raise InputError(f"{without_password(url)}: {reason}, {failures} times", (kept,))
+                have = stream.tell()
+                kept = f"  {have} of {size} bytes are kept; the same command goes on from there"
+                raise InputError(
+                    f"{without_password(url)}: {reason}, {failures} time{'s' * (failures > 1)}", (kept,) if have else ()
+                )
             time.sleep(min(policy.wait * 2.0 ** (failures - 1), _LONGEST_WAIT))
 
 
@@ -157,6 +167,11 @@ def _refuse(url: str, answer: requests.Response) -> None:
     if code not in (200, 206, 416):
         details = ("  the mirror does not have this file",) if code in (404, 410) else ()
         raise InputError(f"{without_password(url)}: the server answered {code} {answer.reason}", details)
+    if code != 416 and answer.headers.get("Content-Type", "").startswith("text/html"):
+        raise InputError(
+            f"{without_password(url)}: the server answered with a web page",
+            ("  it may want a login, or call this file otherwise",),
+        )
 
 
 def _restart(stream: IO[bytes]) -> int:
@@ -167,35 +182,49 @@ def _restart(stream: IO[bytes]) -> int:
 
 @contextlib.contextmanager
 def _opened(part: Path) -> Iterator[IO[bytes]]:
-    """The ``.part`` file, for this process alone."""
+    """The ``.part`` file, for this process alone; an empty one is not left behind."""
     try:
-        stream = open(part, "r+b" if part.exists() else "x+b")  # noqa: SIM115
-    except OSError as error:
+        with _locked(part) as stream:
+            try:
+                yield stream
+            except BaseException:
+                if stream.tell() == 0 == os.fstat(stream.fileno()).st_size:
+                    part.unlink(missing_ok=True)
+                raise
+    except OSError as error:  # of the network it is dealt with where it occurs
         raise InputError(f"{part}: cannot be written: {error.strerror}") from None
-    with stream:
+
+
+def _locked(part: Path) -> IO[bytes]:
+    while True:
+        stream = os.fdopen(os.open(part, os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0), 0o666), "r+b")
         try:
             import fcntl
         except ImportError:  # Windows
-            pass
-        else:
-            try:
-                fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:
-                raise InputError(f"{part}: another process is downloading this file") from None
+            return stream
         try:
-            yield stream
-        except OSError as error:  # of the network it is dealt with where it occurs
-            raise InputError(f"{part}: cannot be written: {error.strerror}") from None
+            fcntl.flock(stream, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            stream.close()
+            raise InputError(f"{part}: another process is downloading this file") from None
+        with contextlib.suppress(FileNotFoundError):
+            if os.path.samestat(os.fstat(stream.fileno()), part.stat()):
+                return stream
+        stream.close()  # another process has just put it in its place
 
 
 def _reason(error: Exception) -> str:
     """A failure that may pass, in a few words: those of requests are full of names of its objects."""
     import requests
+    from urllib3.exceptions import ReadTimeoutError
 
-    if isinstance(error, requests.Timeout):
+    # that of a body comes as a ConnectionError
+    if isinstance(error, requests.Timeout) or any(isinstance(cause, ReadTimeoutError) for cause in error.args):
         return "the server did not answer in time"
     if isinstance(error, requests.exceptions.SSLError):
         return "its certificate was not accepted"
+    if isinstance(error, requests.exceptions.ContentDecodingError):
+        return "the file came in an encoding that it has not"
     if isinstance(error, requests.exceptions.ChunkedEncodingError):
         return "the connection was closed early"
     if isinstance(error, requests.ConnectionError):

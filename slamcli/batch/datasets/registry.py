@@ -5,11 +5,12 @@ from __future__ import annotations
 import functools
 import re
 from pathlib import Path
-from typing import Any
 
 from slamcli.batch.datasets.entries import CONVENTIONS, READERS, DatasetEntry, FileEntry, Optimum, Source
 from slamcli.errors import UsageError
-from slamcli.formats.configuration import suggestion
+from slamcli.formats import yaml_nodes
+from slamcli.formats.configuration import line_of
+from slamcli.formats.yaml_nodes import Node
 
 _REQUIRED = ("about", "path", "format", "reader", "source")
 _OPTIONAL = ("aliases", "dialect", "sha256", "bytes", "files", "counts", "start", "optimum", "chordal_optimum")
@@ -18,9 +19,6 @@ _OPTIMUM = ("chi2", "convention", "source")
 _FILE = ("path", "sha256", "bytes")
 #: What may be counted: of a graph, of a sensor log, of any text.
 COUNTS = ("poses", "landmarks", "edges", "loop_closures", "steps", "readings", "lines")
-
-#: A node of PyYAML: with ``id`` (scalar, sequence, mapping), ``value`` and ``start_mark``.
-Node = Any
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]*")
 _SHA256 = re.compile(r"[0-9a-f]{64}")
@@ -55,17 +53,37 @@ def merge(entries: list[DatasetEntry]) -> dict[str, DatasetEntry]:
     Raises
     ------
     UsageError
-        If two have the same name or path.
+        If two have the same name or path, or an alias is a name already.
     """
-    for what in ("name", "path"):
-        seen: dict[str, DatasetEntry] = {}
-        for entry in entries:
-            other = seen.setdefault(getattr(entry, what).casefold(), entry)
+    seen: dict[str, DatasetEntry] = {}
+    for entry in entries:
+        for what in ("name", "path"):
+            other = seen.setdefault(plain(getattr(entry, what)), entry)
             if other is not entry:
                 raise UsageError(
-                    f"registry: {entry.name} ({entry.group}) has the {what} of {other.name} ({other.group})"
+                    f"{_place(entry)}: {entry.name} has the {what} of {other.name}", (f"  {_place(other)}",)
                 )
+    for entry in entries:
+        aliases = list(map(plain, entry.aliases))
+        for alias in entry.aliases:
+            owner = seen.get(plain(alias))
+            if owner is not None:
+                whose = "its own" if owner is entry else "a data set's"
+                raise UsageError(f"{_place(entry)}: the alias {alias} of {entry.name} is {whose} name")
+            if aliases.count(plain(alias)) > 1:
+                raise UsageError(f"{_place(entry)}: the alias {alias} of {entry.name} stands twice")
     return {entry.name: entry for entry in entries}
+
+
+def plain(name: str) -> str:
+    """As names are compared: the case of letters does not count, a hyphen is as good as an underscore."""
+    return name.casefold().replace("-", "_")
+
+
+def _place(entry: DatasetEntry) -> str:
+    """File and line of an entry."""
+    path = str(bundled_folder() / "registry" / f"{entry.group}.yaml")
+    return f"{path}:{line_of(path, entry.name) or '?'}"
 
 
 def read_file(path: Path) -> list[DatasetEntry]:
@@ -76,154 +94,77 @@ def read_file(path: Path) -> list[DatasetEntry]:
     UsageError
         If it cannot be read or breaks a rule; the message names file and line.
     """
-    import yaml
-
-    base = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # the one in C is ten times as fast
-    try:
-        with open(path, "rb") as stream:
-            loader = base(stream)
-            try:
-                root = loader.get_single_node()
-                return _Reader(str(path), loader).entries(root, path.stem)
-            finally:
-                loader.dispose()
-    except OSError as error:
-        raise UsageError(f"{path}: cannot be read: {error.strerror}") from None
-    except (yaml.YAMLError, RecursionError) as error:
-        raise UsageError(f"{path}: is not valid YAML", (f"  {error}".replace("\n", "\n  "),)) from None
+    return [_entry(name, node, path.stem) for name, node in yaml_nodes.load(path).mapping("a registry").items()]
 
 
-class _Reader:
-    """Makes entries of YAML nodes, which know their lines."""
+def _entry(name: str, node: Node, group: str) -> DatasetEntry:
+    if not _NAME.fullmatch(name):
+        raise node.error(f"{name!r} cannot be a name", "  letters, digits and _ . + - can be in one")
+    fields = node.fields(name, _OPTIONAL, _REQUIRED)
+    path = _path(fields["path"])
+    if ("files" in fields) == ("sha256" in fields) or ("sha256" in fields) != ("bytes" in fields):
+        raise node.error(f"{name} needs either sha256 and bytes, or files")
+    if "files" in fields:
+        files = tuple(_file(item, path) for item in fields["files"].items("files"))
+    else:
+        files = (FileEntry(path, _hash(fields["sha256"]), fields["bytes"].count("bytes", 0)),)
+    return DatasetEntry(
+        name=name,
+        group=group,
+        about=fields["about"].word("about"),
+        path=path,
+        files=files,
+        format=fields["format"].word("format"),
+        reader=fields["reader"].choice("reader", READERS),
+        source=_source(fields["source"]),
+        aliases=_aliases(fields.get("aliases")),
+        dialect=fields["dialect"].word("dialect") if "dialect" in fields else "",
+        counts=_counts(fields.get("counts")),
+        start=fields["start"].number("start", 0.0) if "start" in fields else None,
+        optimum=_optimum(fields.get("optimum")),
+        chordal_optimum=_optimum(fields.get("chordal_optimum")),
+    )
 
-    def __init__(self, path: str, loader: Any) -> None:
-        self.path = path
-        self.loader = loader
 
-    def entries(self, root: Node | None, group: str) -> list[DatasetEntry]:
-        """The entries of a file: a mapping of names."""
-        if root is None:
-            raise UsageError(f"{self.path}: is empty, expected names with what is known about them")
-        return [self._entry(key, name, node, group) for name, (key, node) in self._mapping(root).items()]
+def _source(node: Node) -> Source:
+    fields = node.fields("a source", (), _SOURCE)
+    # a source without a path is one that the project made itself
+    return Source(**{key: value.written if key == "path" else value.word(key) for key, value in fields.items()})
 
-    def _entry(self, key: Node, name: str, node: Node, group: str) -> DatasetEntry:
-        if not _NAME.fullmatch(name):
-            raise self._error(key, f"{name!r} cannot be a name", "  letters, digits and _ . + - can be in one")
-        fields = self._fields(node, _REQUIRED, _OPTIONAL, f"of {name}")
-        path = self._path(fields["path"])
-        if ("files" in fields) == ("sha256" in fields) or ("sha256" in fields) != ("bytes" in fields):
-            raise self._error(key, f"{name} needs either sha256 and bytes, or files")
-        if "files" in fields:
-            files = tuple(self._file(item, path) for item in self._items(fields["files"]))
-        else:
-            files = (FileEntry(path, self._hash(fields["sha256"]), self._count(fields["bytes"])),)
-        return DatasetEntry(
-            name=name,
-            group=group,
-            about=self._text(fields["about"]),
-            path=path,
-            files=files,
-            format=self._text(fields["format"]),
-            reader=self._choice(fields["reader"], READERS),
-            source=self._source(fields["source"]),
-            aliases=tuple(self._text(item) for item in self._items(fields.get("aliases"))),
-            dialect=self._text(fields["dialect"]) if "dialect" in fields else "",
-            counts=self._counts(fields.get("counts")),
-            start=self._number(fields["start"]) if "start" in fields else None,
-            optimum=self._optimum(fields.get("optimum")),
-            chordal_optimum=self._optimum(fields.get("chordal_optimum")),
-        )
 
-    def _source(self, node: Node) -> Source:
-        fields = self._fields(node, _SOURCE, (), "of a source")
-        return Source(**{key: self._text(value) for key, value in fields.items()})
+def _optimum(node: Node | None) -> Optimum | None:
+    if node is None:
+        return None
+    fields = node.fields("an optimum", (), _OPTIMUM)
+    convention = fields["convention"].choice("convention", CONVENTIONS)
+    return Optimum(fields["chi2"].number("chi2", 0.0), convention, fields["source"].word("source"))
 
-    def _optimum(self, node: Node | None) -> Optimum | None:
-        if node is None:
-            return None
-        fields = self._fields(node, _OPTIMUM, (), "of an optimum")
-        convention = self._choice(fields["convention"], tuple(CONVENTIONS))
-        return Optimum(self._number(fields["chi2"]), convention, self._text(fields["source"]))
 
-    def _file(self, node: Node, folder: str) -> FileEntry:
-        fields = self._fields(node, _FILE, (), "of a file")
-        path = f"{folder}/{self._path(fields['path'])}"
-        return FileEntry(path, self._hash(fields["sha256"]), self._count(fields["bytes"]))
+def _file(node: Node, folder: str) -> FileEntry:
+    fields = node.fields("a file", (), _FILE)
+    path = f"{folder}/{_path(fields['path'])}"
+    return FileEntry(path, _hash(fields["sha256"]), fields["bytes"].count("bytes", 0))
 
-    def _counts(self, node: Node | None) -> dict[str, int]:
-        if node is None:
-            return {}
-        return {key: self._count(value) for key, value in self._fields(node, (), COUNTS, "of counts").items()}
 
-    def _fields(self, node: Node, required: tuple[str, ...], optional: tuple[str, ...], what: str) -> dict[str, Node]:
-        """The values of a mapping with just these keys."""
-        found = self._mapping(node)
-        known = required + optional
-        for name, (key, _) in found.items():
-            if name not in known:
-                raise self._error(key, f"unknown key {name!r} {what}", suggestion(name, known))
-        missing = [name for name in required if name not in found]
-        if missing:
-            raise self._error(node, f"the key {missing[0]!r} {what} is missing")
-        return {name: value for name, (_, value) in found.items()}
+def _aliases(node: Node | None) -> tuple[str, ...]:
+    return tuple(item.word("an alias") for item in node.items("aliases")) if node is not None else ()
 
-    def _mapping(self, node: Node) -> dict[str, tuple[Node, Node]]:
-        """Keys of a mapping with the nodes of key and value; a key that stands twice is refused."""
-        if node.id != "mapping":
-            raise self._error(node, f"expected keys with values, found a {node.id}")
-        found: dict[str, tuple[Node, Node]] = {}
-        for key, value in node.value:
-            name = self._text(key)
-            if name in found:
-                raise self._error(key, f"the key {name!r} stands twice")
-            found[name] = (key, value)
-        return found
 
-    def _items(self, node: Node | None) -> list[Node]:
-        if node is None:
-            return []
-        if node.id != "sequence":
-            raise self._error(node, f"expected a list, found a {node.id}")
-        return list(node.value)
+def _counts(node: Node | None) -> dict[str, int]:
+    if node is None:
+        return {}
+    return {key: value.count(key, 0) for key, value in node.fields("counts", COUNTS).items()}
 
-    def _text(self, node: Node) -> str:
-        """A scalar as it is written: names such as 1e3 or yes stay words."""
-        if node.id != "scalar":
-            raise self._error(node, f"expected a word or a text, found a {node.id}")
-        return str(node.value)
 
-    def _path(self, node: Node) -> str:
-        text = self._text(node)
-        if not text or "\\" in text or any(part in ("", ".", "..") for part in text.split("/")):
-            raise self._error(node, f"{text!r} is no relative path", "  with / between folders, and neither . nor ..")
-        return text
+def _path(node: Node) -> str:
+    text = node.word("path")
+    if "\\" in text or any(part in ("", ".", "..") for part in text.split("/")):
+        raise node.error(f"{text!r} is no relative path", "  with / between folders, and neither . nor ..")
+    return text
 
-    def _hash(self, node: Node) -> str:
-        text = self._text(node)
-        if not _SHA256.fullmatch(text):
-            raise self._error(node, f"{text!r} is no sha256", "  64 digits of 0-9 and a-f")
-        return text
 
-    def _choice(self, node: Node, known: tuple[str, ...]) -> str:
-        text = self._text(node)
-        if text not in known:
-            raise self._error(node, f"unknown word {text!r}", suggestion(text, known))
-        return text
-
-    def _count(self, node: Node) -> int:
-        value = self.loader.construct_object(node, deep=True)
-        if type(value) is not int or value < 0:
-            raise self._error(node, f"expected a count, found {node.value!r}")
-        return value
-
-    def _number(self, node: Node) -> float:
-        try:  # not YAML's own rule, for which 1e9 is a word
-            value = float(self._text(node))
-        except ValueError:
-            value = float("nan")
-        if not 0.0 <= value < float("inf"):
-            raise self._error(node, f"expected a number from 0 on, found {node.value!r}")
-        return value
-
-    def _error(self, node: Node, message: str, *details: str) -> UsageError:
-        return UsageError(f"{self.path}:{node.start_mark.line + 1}: {message}", details)
+def _hash(node: Node) -> str:
+    text = node.word("sha256")
+    if not _SHA256.fullmatch(text):
+        raise node.error(f"{text!r} is no sha256", "  64 digits of 0-9 and a-f")
+    return text

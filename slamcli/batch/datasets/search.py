@@ -8,7 +8,7 @@ from pathlib import Path
 
 from slamcli.batch.datasets.entries import DatasetEntry
 from slamcli.batch.datasets.files import check_file
-from slamcli.batch.datasets.registry import bundled_folder, load
+from slamcli.batch.datasets.registry import bundled_folder, load, plain
 from slamcli.errors import InputError, UsageError
 
 #: Folders with data sets, as in PATH.
@@ -42,7 +42,7 @@ def resolve(name_or_path: str | Path) -> Path:
     if found is None and os.path.isdir(name_or_path):
         return Path(name_or_path)
     if found is None and _is_path(str(name_or_path)):
-        details = ("  and no data set has this path", *_suggestions(_plain(name_or_path)))
+        details = ("  and no data set has this path", *suggestions(name_or_path))
         raise InputError(f"{name_or_path}: cannot be read: there is no such file", details)
     return checked(entry(name_or_path) if found is None else found)
 
@@ -68,7 +68,7 @@ def entry(name: str | Path) -> DatasetEntry:
     """
     found = find(name)
     if found is None:
-        raise UsageError(f"there is no data set {str(name)!r}", _suggestions(_plain(name)))
+        raise UsageError(f"there is no data set {str(name)!r}", suggestions(name))
     return found
 
 
@@ -115,7 +115,7 @@ def checked(found: DatasetEntry) -> Path:
 def locate(found: DatasetEntry) -> Path | None:
     """The first folder of the search path that holds all files of a data set, None if there is none."""
     for folder in folders():
-        if all((folder / file.path).is_file() for file in found.files):
+        if all(os.path.isfile(folder / file.path) for file in found.files):  # False, too, where it is not allowed
             return folder
     return None
 
@@ -128,7 +128,8 @@ def location(found: DatasetEntry) -> Path | None:
 
 def folders() -> list[Path]:
     """The search path: those of SLAMCLI_DATASETS, the user's cache, the bundled ones."""
-    given = [Path(part).expanduser() for part in os.environ.get(VARIABLE, "").split(os.pathsep) if part]
+    # os.path's: a user that there is not leaves the name as it is
+    given = [Path(os.path.expanduser(part)) for part in os.environ.get(VARIABLE, "").split(os.pathsep) if part]
     return [*given, cache_folder(), bundled_folder()]
 
 
@@ -149,22 +150,38 @@ def missing_details(found: DatasetEntry) -> tuple[str, ...]:
     )
 
 
+def nearest(name: str | Path) -> list[str]:
+    """Names, aliases or paths of data sets that are spelt like a name which there is not; none for a path."""
+    import difflib
+
+    if os.sep in str(name) or os.path.lexists(name):
+        return []
+    words = {_plain(word): word for e in load().values() for word in (e.path, *e.aliases, e.name)}
+    # M3500.g2o: the path without its folder
+    files = [word for plain, word in words.items() if plain.endswith(f"/{_plain(name)}")]
+    if files or _is_path(str(name)):
+        return files[:3]
+    return [words[word] for word in difflib.get_close_matches(_plain(name), words, n=3, cutoff=0.75)]
+
+
+def suggestions(name: str | Path) -> tuple[str, ...]:
+    """Lines about the data sets that a name which there is not may mean."""
+    import difflib
+
+    text = _plain(name)
+    registry = load().values()
+    words = {_plain(word): word for e in registry for word in (e.path, *e.aliases, e.name)}
+    close = nearest(name) or [words[word] for word in difflib.get_close_matches(text, words, n=3)]
+    # names that hold the word, where nothing is spelt like it
+    close = close or [e.name for e in registry if len(text) > 2 and text in _plain(e.name)][:3]
+    meant = (f"  did you mean {' or '.join(close)}?",) if close else ()
+    return (*meant, "  slamcli datasets list shows all of them")
+
+
 def _is_path(name: str) -> bool:
     """Whether a word is meant as the path of a file: it has a folder or an ending such as .g2o."""
     return os.sep in name or re.search(r"\.[A-Za-z]\w*$", name) is not None
 
 
 def _plain(name: str | Path) -> str:
-    return str(name).replace(os.sep, "/").replace("-", "_").casefold()
-
-
-def _suggestions(text: str) -> tuple[str, ...]:
-    import difflib
-
-    registry = load().values()
-    words = {_plain(word): word for e in registry for word in (e.path, *e.aliases, e.name)}
-    close = [words[word] for word in difflib.get_close_matches(text, words, n=3)]
-    # names that hold the word, where nothing is spelt like it
-    close = close or [e.name for e in registry if len(text) > 2 and text in _plain(e.name)][:3]
-    meant = (f"  did you mean {' or '.join(close)}?",) if close else ()
-    return (*meant, "  slamcli datasets list shows all of them")
+    return plain(str(name).replace(os.sep, "/"))

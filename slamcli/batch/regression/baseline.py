@@ -7,6 +7,7 @@ import hashlib
 import json
 import math
 import os
+import sys
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -104,7 +105,7 @@ def read(path: str) -> Baseline | None:
         raise UsageError(f"{path}: cannot be read: {error.strerror}") from None
     try:
         document = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise UsageError(f"{path}: is no JSON document: {error}") from None
     if not isinstance(document, dict) or document.get("kind") != KIND:
         raise UsageError(f"{path}: is no baseline", ("  slamcli regress SUITE --update-baseline writes one",))
@@ -119,7 +120,9 @@ def read(path: str) -> Baseline | None:
             digest=hashlib.sha256(text).hexdigest(),
             suite=str(document["suite"]["name"]),
             suite_sha256=str(document["suite"]["sha256"]),
-            provenance={key: dict(entry) for key, entry in document["provenance"].items()},
+            provenance={
+                key: {**entry, "versions": dict(entry["versions"])} for key, entry in document["provenance"].items()
+            },
             cases={name: _case(entry) for name, entry in document["cases"].items()},
         )
     except (KeyError, TypeError, ValueError, AttributeError) as error:
@@ -130,16 +133,19 @@ def read(path: str) -> Baseline | None:
 def _case(entry: dict[str, Any]) -> BaselineCase:
     figures = {name: BaselineFigure(**figure) for name, figure in entry["figures"].items()}
     for name, figure in figures.items():
-        if (
-            isinstance(figure.value, bool)
-            or not isinstance(figure.value, int | float)
-            or not math.isfinite(figure.value)
-        ):
+        if not _finite(figure.value):
             raise ValueError(f"{name} has the value {figure.value!r}")
-        if figure.mad is not None and not isinstance(figure.mad, int | float):
+        if figure.mad is not None and not (_finite(figure.mad) and figure.mad >= 0.0):
             raise ValueError(f"{name} has the deviation {figure.mad!r}")
     inputs = {str(name): str(digest) for name, digest in entry["inputs"].items()}
     return BaselineCase(str(entry["definition"]), inputs, entry["made"], str(entry["provenance"]), figures)
+
+
+def _finite(value: object) -> bool:
+    """Whether a value is a number that can be compared."""
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return abs(value) < math.inf and abs(value) <= sys.float_info.max
 
 
 def write(baseline: Baseline) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import statistics
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,6 +17,8 @@ from slamcli.batch.regression.suite import Gauge
 
 #: Standard deviation of a normal distribution over its median absolute deviation; times may be so many of these off.
 _SIGMA, _SIGMAS = 1.4826, 3.0
+#: Exit codes above it: the signal that ended a process.
+_BY_SIGNAL = 128
 #: Why a time is not there.
 _SEVERAL = "times are measured with --jobs 1 only"
 
@@ -207,7 +210,11 @@ def _code_words(run: CaseRun, case: Prepared) -> str:
     said = [line for line in run.messages.splitlines() if line.startswith("error: ")]
     if run.exit_code == TIMED_OUT:
         return f"{TIMED_OUT}: stopped after {case.case.time_limit:g} s (time_limit)"
-    return f"{run.exit_code}: {said[-1]}" if said else f"{run.exit_code}"
+    code = run.exit_code or 0
+    if code > _BY_SIGNAL and code - _BY_SIGNAL in signal.valid_signals():
+        name = signal.Signals(code - _BY_SIGNAL).name
+        return f"{code}: ended by {name}" + (" (out of memory?)" if name == "SIGKILL" else "")
+    return f"{code}: {said[-1]}" if said else f"{code}"
 
 
 def _gone(name: str, figure: BaselineFigure) -> MetricResult:

@@ -14,6 +14,8 @@ from slamcli.errors import InputError, UsageError
 
 #: A value of an option that is a file: its path, relative to the suite, stands behind this word.
 FILE = "file:"
+#: Endings of what is meant as a file.
+_ENDINGS = (".g2o", ".graph", ".bal", ".out", ".log", ".txt", ".json", ".yaml", ".yml", ".csv", ".tum", ".npz")
 
 
 @dataclass(frozen=True)
@@ -149,4 +151,5 @@ def _optimum(name: str) -> float:
 
 def _is_path(name: str) -> bool:
     """Whether a word is meant as a path."""
-    return "/" in name or os.sep in name or Path(name).suffix in (".g2o", ".graph", ".txt", ".yaml", ".yml", ".csv")
+    plain = name.removesuffix(".gz").removesuffix(".bz2")
+    return "/" in name or os.sep in name or plain != name or Path(name).suffix in _ENDINGS

@@ -9,10 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from slamcli.batch.metrics import DIRECTIONS, EXIT_CODE, METRICS, metric
-from slamcli.batch.pipeline import Case
-from slamcli.batch.regression.nodes import Node, load
+from slamcli.batch.pipeline import ESTIMATORS, FALSE, Case
+from slamcli.batch.regression.inputs import FILE
 from slamcli.batch.regression.suite import OPTIMUM_TOLERANCE, Gauge, Suite, SuiteCase
 from slamcli.formats.configuration import suggestion
+from slamcli.formats.yaml_nodes import Node, load
 
 #: Commands that a case can be about: those that read a file and print a document.
 COMMANDS = ("optimize", "ekf", "info", "sparsity", "covariance", "marginalize", "compare", "evaluate")
@@ -104,12 +105,9 @@ def _case(node: Node, defaults: dict[str, Node]) -> SuiteCase:
         truth=_text(fields, "truth"),
         labels=_text(fields, "labels"),
         evaluate=_options(fields, defaults, "evaluate", _OWN["evaluate"]),
-        time_limit=merged["time_limit"].number("time_limit", 0.0) if "time_limit" in merged else None,
+        time_limit=_time_limit(merged["time_limit"]) if "time_limit" in merged else None,
     )
-    if case.truth is not None and case.simulate is not None:
-        raise fields["truth"].error("a simulation has its own truth")
-    if case.labels is not None and case.inject:
-        raise fields["labels"].error("inject says itself which edges are false")
+    _check_comparison(case, fields)
     optimum = _optimum(fields["optimum"]) if "optimum" in fields else None
     if optimum is not None and (case.data is None or case.inject):
         raise fields["optimum"].error("the registry knows the optimum of data sets only, as they are")
@@ -122,6 +120,32 @@ def _case(node: Node, defaults: dict[str, Node]) -> SuiteCase:
         line=node.line,
         definition=definition(case),
     )
+
+
+def _check_comparison(case: Case, fields: dict[str, Node]) -> None:
+    """Nothing that is said about the truth goes unheard."""
+    if case.truth is not None and case.simulate is not None:
+        raise fields["truth"].error("a simulation has its own truth")
+    if case.labels is not None and any(name in FALSE for name in case.inject):
+        raise fields["labels"].error("inject says itself which edges are false")
+    for key in ("truth", "labels", "evaluate"):
+        if key in fields and case.command not in ESTIMATORS:
+            hint = f"  options: {{truth: '{FILE}...'}} gives it a file" if case.command == "evaluate" else ""
+            raise fields[key].error(
+                f"{key} goes with {' and '.join(ESTIMATORS)}, not with {case.command}", *[hint][: bool(hint)]
+            )
+    known = case.simulate or case.truth or case.labels or any(name in FALSE for name in case.inject)
+    if "evaluate" in fields and not known:
+        raise fields["evaluate"].error(
+            "there is nothing to compare with", "  truth: FILE, or labels: FILE, says what is right"
+        )
+
+
+def _time_limit(node: Node) -> float:
+    seconds = node.number("time_limit", 0.0)
+    if not seconds:
+        raise node.error("time_limit: expected a positive number of seconds, found 0")
+    return seconds
 
 
 def definition(case: Case) -> str:
@@ -148,12 +172,15 @@ def _options(fields: dict[str, Node], defaults: dict[str, Node], key: str, own: 
             word = name.replace("-", "_")
             if word in own:
                 raise node.error(f"{key}: the option {name!r} is set by regress itself")
-            plain = node.plain()
-            values = plain if isinstance(plain, list) else [plain]
+            values = [item.value for item in node.value] if isinstance(node.value, list) else [node.value]
             if any(isinstance(value, dict | list) for value in values):
                 raise node.error(f"{key}: {name}: expected a value or a list of values")
-            found[word] = plain
-    return found
+            if node.value is None and word not in found:
+                raise node.error(f"{key}: {name} has no value", "  true is for options that have none")
+            if None in values and node.value is not None:
+                raise node.error(f"{key}: {name}: a value of the list is empty")
+            found[word] = node.plain()
+    return {word: value for word, value in found.items() if value is not None}
 
 
 def _optimum(node: Node) -> float | None:
@@ -170,11 +197,16 @@ def _gauges(fields: dict[str, Node], defaults: dict[str, Node], optimum: bool) -
             continue
         node = source["metrics"]
         entries = (
-            [(item.text("a metric"), item) for item in node.value]
+            [(item.text("a metric"), replace(item, value=None)) for item in node.value]
             if isinstance(node.value, list)
             else list(node.mapping("metrics").items())
         )
+        names = [name for name, _ in entries]
         for name, entry in entries:
+            if names.count(name) > 1:
+                raise entry.error(f"the metric {name} stands twice")
+            if name == EXIT_CODE and entry.value is not None:
+                raise entry.error("say what the exit code should be with expect: {exit_code: N}")
             found[name] = _gauge(name, entry, found.get(name))
     if optimum and "chi2" not in found:
         found["chi2"] = Gauge(metric("chi2"))
@@ -182,9 +214,9 @@ def _gauges(fields: dict[str, Node], defaults: dict[str, Node], optimum: bool) -
     if "expect" in fields:
         expected = fields["expect"].fields("expect", EXPECT_KEYS)
         code = expected["exit_code"].count("exit_code", 0) if "exit_code" in expected else 0
+        if code > 255:
+            raise expected["exit_code"].error(f"exit_code: no process ends with {code}")
     given = found.pop(EXIT_CODE, Gauge(metric(EXIT_CODE)))
-    if given.limits:
-        raise fields["metrics"].error("say what the exit code should be with expect: {exit_code: N}")
     return (replace(given, equals=float(code)), *found.values())
 
 
@@ -193,7 +225,7 @@ def _gauge(name: str, node: Node, base: Gauge | None) -> Gauge:
     if name not in METRICS and not (step and colon and key):
         raise node.error(f"unknown metric {name!r}", suggestion(name, METRICS), "  or step:key of a document")
     gauge = base or Gauge(metric(name))
-    if node.value is None or isinstance(node.value, str):
+    if node.value is None:
         return gauge
     fields = node.fields(f"the metric {name}", METRIC_KEYS)
     changes: dict[str, Any] = {}

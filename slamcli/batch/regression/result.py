@@ -278,8 +278,9 @@ class RegressionReport:
         if self.update is not None:
             if self.update.failed:
                 return ExitCode.INVALID_INPUT
-            # blessed: only what is against the suite itself remains
-            failing &= {Verdict.LIMIT, Verdict.ABSENT, Verdict.FAILED, Verdict.MISSING}
+            if self.update.refused:
+                return ExitCode.CHECK_FAILED
+            failing &= {Verdict.LIMIT, Verdict.ABSENT, Verdict.FAILED, Verdict.MISSING}  # the rest is blessed
         if failing - {Verdict.MISSING}:
             return ExitCode.CHECK_FAILED
         return ExitCode.INVALID_INPUT if failing else ExitCode.SUCCESS

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Protocol
 
 from slamcli.batch import pipeline
-from slamcli.batch.execution import Executor, Processes
+from slamcli.batch.execution import PYTHON, Executor, Processes
 from slamcli.batch.metrics import SOLVE_SECONDS, TIME_RATIO, value
 from slamcli.batch.pipeline import Outcome
 from slamcli.batch.regression.inputs import Prepared, sha256_of
@@ -100,13 +100,11 @@ class Machine:
 
 def this_machine() -> Machine:
     """Processes of this one."""
-    import sys
-
     processes = Processes()
 
     def reference() -> float:
-        line = [sys.executable, "-m", "slamcli.batch.regression.reference"]
-        found = processes.run(line, ["reference"], Path.cwd(), 60.0)
+        line = [*PYTHON, "slamcli.batch.regression.reference"]
+        found = processes.run(line, ["reference"], Path(tempfile.gettempdir()), 60.0)
         return float(found.document["seconds"]) if found.document else math.nan
 
     return Machine(processes.execute, processes.stop, reference)
@@ -203,7 +201,13 @@ def _run_case(case: Prepared, key: str, machine: Machine, alone: bool) -> CaseRu
     outcomes: list[Outcome] = []
     made = None
     while len(outcomes) < case.suite_case.repeats:
-        outcome, made, pace = _repeat(case, machine, TIME_RATIO in figures)
+        try:
+            outcome, made, pace = _repeat(case, machine, TIME_RATIO in figures)
+        except OSError as error:  # a full disk, no memory for another process
+            raise InputError(
+                f"the case {case.name} cannot be run: {error.strerror or error}",
+                ("  TMPDIR names another place for temporary files",),
+            ) from None
         outcomes.append(outcome)
         for name, values in figures.items():
             found = _figure(outcome, name, pace)

@@ -8,12 +8,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from slamcli.batch.metrics import metric
+from slamcli.batch.provenance import differences, provenance, source_digest
 from slamcli.batch.regression import baseline as baselines
 from slamcli.batch.regression import reference
 from slamcli.batch.regression.baseline import Baseline, BaselineCase, BaselineFigure
 from slamcli.batch.regression.compare import gone, judge
 from slamcli.batch.regression.inputs import Prepared, prepare
-from slamcli.batch.regression.provenance import differences, provenance, source_digest
 from slamcli.batch.regression.result import CaseResult, Change, RegressionReport, Update, Verdict
 from slamcli.batch.regression.run import CaseRun, Finished, Machine, run_cases
 from slamcli.batch.regression.suite import Suite, SuiteCase
@@ -22,6 +22,8 @@ from slamcli.formats.configuration import suggestion
 
 #: Verdicts that no blessing mends: they speak of the suite, not of the baseline.
 _UNBLESSED = (Verdict.FAILED, Verdict.LIMIT, Verdict.ABSENT)
+#: Verdicts of figures that a blessing is to settle, also those of times.
+_TOLD = (Verdict.REGRESSION, Verdict.IMPROVED)
 #: Figures that differ a little from run to run.
 _NOISY = ("memory",)
 
@@ -36,9 +38,14 @@ def selected(suite: Suite, only: Sequence[str]) -> tuple[SuiteCase, ...]:
     """
     names = [case.name for case in suite.cases]
     for pattern in only:
-        if not fnmatch.filter(names, pattern):
+        if not any(_matches(name, pattern) for name in names):
             raise UsageError(f"--only {pattern}: {suite.path} has no such case", (suggestion(pattern, names, "cases"),))
-    return tuple(c for c in suite.cases if not only or any(fnmatch.fnmatchcase(c.name, pattern) for pattern in only))
+    return tuple(c for c in suite.cases if not only or any(_matches(c.name, pattern) for pattern in only))
+
+
+def _matches(name: str, pattern: str) -> bool:
+    """Also a name that is no pattern of itself, such as ``a[1]``."""
+    return name == pattern or fnmatch.fnmatchcase(name, pattern)
 
 
 def regress(
@@ -81,7 +88,7 @@ def regress(
     chosen = selected(suite, only)
     cases = prepare(suite, chosen)
     started = time.perf_counter()
-    here = provenance()
+    here = {**provenance(), "reference_kernel": reference.VERSION}
     begin(len(cases))
     runs, interrupted = run_cases(cases, machine, jobs=jobs, source=source_digest(), finished=finished, tick=tick)
     results = judge(cases, runs, baseline, reference.VERSION)
@@ -174,7 +181,7 @@ def _blessed(
         case = BaselineCase(
             entries[run.name].definition, dict(run.inputs), run.made, key, _figures(result, old.cases.get(run.name))
         )
-        if _same(case, old.cases.get(run.name)):
+        if _same(case, old.cases.get(run.name)) and not any(f.verdict in _TOLD for f in result.metrics):
             unchanged += len(case.figures)
         else:
             kept[run.name] = case

@@ -11,6 +11,9 @@ from typing import IO, Any
 from slamcli.batch.regression.run import CaseRun
 from slamcli.errors import InputError
 
+#: With which each line begins: the first field of a ``CaseRun``.
+_BEGIN = b'{"name": '
+
 
 class State:
     """A file of JSON Lines, one for each finished case; cases are known by the hash of all that determines them.
@@ -38,11 +41,22 @@ class State:
         try:
             self._stream: IO[bytes] = open(path, "a+b")  # noqa: SIM115
             _lock(self._stream, path)
+            self._refuse_others()
             if not resume:
                 self._stream.truncate(0)
         except OSError as error:
             raise InputError(f"{path}: cannot be written: {error.strerror}") from None
         self.finished = self._read()
+
+    def _refuse_others(self) -> None:
+        """A file that holds something else is not overwritten: a wrong name behind --state would cost it."""
+        self._stream.seek(0)
+        first = self._stream.readline()
+        if first.strip() and not (first.startswith(_BEGIN) or _BEGIN.startswith(first)):
+            self._stream.close()
+            raise InputError(
+                f"{self.path}: is no state file of slamcli regress", ("  remove it, or name another --state FILE",)
+            )
 
     def _read(self) -> dict[str, CaseRun]:
         self._stream.seek(0)

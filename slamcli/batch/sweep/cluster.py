@@ -12,6 +12,7 @@ import contextlib
 import itertools
 import logging
 import signal
+import uuid
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -108,12 +109,14 @@ def _records(client: Client, tasks: Sequence[Task], perform: Performer, address:
     from distributed import as_completed
 
     rest = iter(tasks)
+    # not the task's key alone: the same task of another sweep on this cluster is none of ours, and ends with it
+    token = uuid.uuid4().hex
     running: dict[str, tuple[Task, Future]] = {}
 
     def submitted(count: int) -> list[Future]:
         futures = []
         for task in itertools.islice(rest, count):
-            future = client.submit(on_worker, perform, task, key=f"slamcli-sweep-{task.key}", pure=True)
+            future = client.submit(on_worker, perform, task, key=f"slamcli-sweep-{task.key}-{token}")
             running[future.key] = (task, future)
             futures.append(future)
         return futures

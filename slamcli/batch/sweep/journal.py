@@ -159,9 +159,12 @@ def _parsed(line: bytes) -> dict[str, Any] | None:
 
 def _record(entry: dict[str, Any]) -> Record | None:
     try:
-        return Record(**entry)
+        record = Record(**entry)
     except TypeError:
         return None
+    kinds = (("key", str), ("exit_code", int), ("failed", str | None), ("message", str), ("figures", dict))
+    fits = all(isinstance(getattr(record, name), kind) for name, kind in (*kinds, ("seconds", dict)))
+    return record if fits else None
 
 
 def _sync_folder(folder: Path) -> None:

@@ -21,6 +21,15 @@ from slamcli.errors import ExitCode, InputError
 
 #: Codes of a process that somebody else has ended, for want of memory as a rule; the task gets a second chance.
 _ENDED = (128 + signal.SIGKILL, 128 + signal.SIGTERM)
+#: Exit code of a step that slamcli itself did not survive, which says nothing about the method (EX_SOFTWARE of
+#: sysexits.h).
+CRASHED = 70
+#: Codes with which a command has printed its document.
+_WITH_DOCUMENT = (ExitCode.SUCCESS, ExitCode.CHECK_FAILED, ExitCode.NOT_CONVERGED)
+#: What a full disk, a quota and a limit of file sizes say.
+_FULL = tuple(map(os.strerror, (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)))
+#: Written to find out whether a disk is full, in bytes.
+_PROBE = 1 << 16
 #: Messages are for one cell of a table.
 _LONGEST_MESSAGE = 300
 
@@ -87,7 +96,10 @@ def _performed(task: Task, execute: Executor, folder: str | None) -> Record:
 def _once(task: Task, execute: Executor, folder: str | None) -> Record:
     try:
         with tempfile.TemporaryDirectory(prefix="slamcli-sweep-", dir=folder) as name:
-            return record_of(task, run(task.case, Path(name), execute))
+            record = record_of(task, run(task.case, Path(name), execute))
+            if record.exit_code == CRASHED:  # a full disk may leave no message
+                Path(name, "probe").write_bytes(bytes(_PROBE))
+            return record
     except OSError as error:
         place = folder or tempfile.gettempdir()
         raise InputError(f"{place}: a task cannot have its folder there: {error.strerror}") from None
@@ -103,8 +115,11 @@ def record_of(task: Task, outcome: Outcome) -> Record:
     """
     code = outcome.exit_code
     step = outcome.failed or outcome.command
+    crashed = next((name for name, execution in outcome.steps.items() if _crashed(execution)), None)
+    if crashed is not None:
+        code, step = CRASHED, crashed
     message = "" if code == ExitCode.SUCCESS else message_of(outcome.steps[step])
-    if os.strerror(errno.ENOSPC) in message:
+    if any(words in message for words in _FULL):
         raise InputError(f"the disk is full where tasks have their files ({tempfile.gettempdir()})", (f"  {message}",))
     return Record(
         key=task.key,
@@ -114,6 +129,13 @@ def record_of(task: Task, outcome: Outcome) -> Record:
         figures={name: value(outcome, name) for name in task.metrics},
         seconds={name: execution.seconds for name, execution in outcome.steps.items()},
     )
+
+
+def _crashed(execution: Execution) -> bool:
+    """Whether a command ended as only Python does, or without the document that it owes."""
+    if execution.exit_code == ExitCode.CHECK_FAILED and "Traceback (most recent call last)" in execution.messages:
+        return True
+    return execution.document is None and execution.exit_code in _WITH_DOCUMENT
 
 
 def message_of(execution: Execution) -> str:

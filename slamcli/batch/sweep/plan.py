@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
+import math
 import os
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from fnmatch import fnmatchcase
 from functools import lru_cache
 from pathlib import Path
@@ -26,6 +27,13 @@ SECTIONS = ("simulation", "inject", "options", "evaluate")
 SCALARS = ("simulate", "data", "truth", "labels", "command")
 #: Those of them that name files.
 FILES = ("simulate", "data", "truth", "labels")
+#: Options of the sections that name files which a command reads.
+INPUTS = {
+    "simulation": (),
+    "inject": ("truth",),
+    "options": ("config", "truth"),
+    "evaluate": ("timestamps", "truth-timestamps", "covariances"),
+}
 #: More tasks than this are a mistake.
 MOST_TASKS = 1_000_000
 
@@ -116,7 +124,7 @@ class Task:
     Attributes
     ----------
     index
-        Row, from 0.
+        Row of the whole table, from 0; the same with ``--only``.
     labels
         Label of each axis.
     seed
@@ -153,9 +161,10 @@ def tasks_of(sweep: Sweep, only: str | None = None) -> list[Task]:
     InputError
         If a file that they name cannot be read.
     """
-    size = (sweep.seeds or 1) * int(np.prod([len(axis.levels) for axis in sweep.axes], dtype=np.float64))
+    size = (sweep.seeds or 1) * math.prod(len(axis.levels) for axis in sweep.axes)
     if size > MOST_TASKS:
-        raise UsageError(f"{sweep.source}: makes {size} tasks, more than {MOST_TASKS}")
+        shown = size if size < 10**15 else "more than 10^15"
+        raise UsageError(f"{sweep.source}: makes {shown} tasks, more than {MOST_TASKS}")
     digest = lru_cache(maxsize=None)(_digest)
     tasks: list[Task] = []
     for levels in itertools.product(*(axis.levels for axis in sweep.axes)):
@@ -164,17 +173,16 @@ def tasks_of(sweep: Sweep, only: str | None = None) -> list[Task]:
         for level in levels:
             for address, value in level.settings.items():
                 case = assigned(case, address, value)
-        files = {name: digest(path) for name in FILES if (path := getattr(case, name)) is not None}
+        case = _complete(case)
+        files = {name: digest(path) for name, path in input_files(case)}
         for seed in [None] if sweep.seeds is None else range(sweep.seed, sweep.seed + sweep.seeds):
-            seeded = _complete(case if seed is None else _seeded(case, seed))
+            seeded = case if seed is None else _seeded(case, seed)
             key = _key(seeded, files, sweep.metrics)
             tasks.append(Task(len(tasks), labels, seed, seeded, sweep.metrics, key))
-    if only is None:
-        return tasks
-    kept = [task for task in tasks if fnmatchcase(task.name, only)]
+    kept = tasks if only is None else [task for task in tasks if fnmatchcase(task.name, only)]
     if not kept:
         raise UsageError(f"no task matches --only {only!r}", (f"  the first is called {tasks[0].name}",))
-    return [replace(task, index=index) for index, task in enumerate(kept)]
+    return kept
 
 
 def assigned(case: Case, address: str, value: Any) -> Case:
@@ -214,12 +222,29 @@ def command_lines(task: Task) -> list[tuple[str, ...]]:
 
 def command_levels(tasks: list[Task]) -> Iterator[Task]:
     """One task for each combination of levels: those of other seeds have the same options."""
-    seen = set()
+    labels: dict[str, Any] | None = None
     for task in tasks:
-        labels = tuple(map(text, task.labels.values()))
-        if labels not in seen:
-            seen.add(labels)
+        if task.labels is not labels:
+            labels = task.labels
             yield task
+
+
+def input_files(case: Case) -> Iterator[tuple[str, str]]:
+    """The files that a case reads, by their place in it; also the name of a world."""
+    for name in FILES:
+        if (path := getattr(case, name)) is not None:
+            yield name, path
+    for section, names in INPUTS.items():
+        for name in names:
+            path = getattr(case, section).get(name)
+            if isinstance(path, str) and os.path.isabs(path) and os.path.isfile(path):
+                yield f"{section}.{name}", path
+
+
+def options_of(case: Case, step: str) -> dict[str, Any]:
+    """The options that a case has for a step."""
+    section = {"simulate": "simulation", "inject": "inject", "evaluate": "evaluate"}
+    return dict(getattr(case, "options" if step == case.command else section[step]))
 
 
 def text(value: Any) -> str:
@@ -236,7 +261,7 @@ def _seeded(case: Case, seed: int) -> Case:
     """Each task of the same seed has the same world and, where the options of ``inject`` agree, the same spoiling."""
     if case.simulate is not None:
         case = replace(case, simulation={**case.simulation, "seed": seed})
-    if any(value is not None for value in case.inject.values()):
+    if case.inject:
         case = replace(case, inject={**case.inject, "seed": injection_seed(seed)})
     return case
 
@@ -253,15 +278,20 @@ def _complete(case: Case) -> Case:
 
 
 def _key(case: Case, files: dict[str, str], metrics: tuple[str, ...]) -> str:
-    content = asdict(case) | files | {"name": "", "metrics": metrics, "version": __version__}
+    content = {part.name: getattr(case, part.name) for part in fields(case)}
+    content |= files | {"name": "", "metrics": metrics, "version": __version__}
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def _digest(path: str) -> str:
-    """Hash of a file's content; the name of a world stands for itself."""
+    """Hash of a file's content, or of all files of a folder; the name of a world stands for itself."""
     if not os.path.isabs(path):
         return path
     try:
+        if os.path.isdir(path):  # a log of several files
+            inside = sorted(found for found in Path(path).rglob("*") if found.is_file())
+            listing = [(found.relative_to(path).as_posix(), _digest(str(found))) for found in inside]
+            return hashlib.sha256(json.dumps(listing).encode()).hexdigest()
         with open(path, "rb") as stream:
             return hashlib.file_digest(stream, "sha256").hexdigest()
     except OSError as error:

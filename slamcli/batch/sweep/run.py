@@ -60,21 +60,25 @@ class State:
 
 
 @contextlib.contextmanager
-def opened(folder: Path, *, resume: bool = True) -> Iterator[Journal]:
+def opened(folder: Path, *, resume: bool = True, make: bool = True) -> Iterator[Journal]:
     """The journal of a folder, which is made if it does not exist, for as long as it is locked.
 
     Parameters
     ----------
     resume
         Whether the results that it has count; else they are put aside.
+    make
+        Whether it is made if it does not exist.
 
     Raises
     ------
     UsageError
         If another sweep is at work there.
     InputError
-        If it cannot be written.
+        If it cannot be written, or is not there and not to be made.
     """
+    if not make and not (folder / journals.NAME).exists():
+        raise InputError(f"{folder}: has no results of a sweep ({journals.NAME})")
     with contextlib.ExitStack() as stack:
         try:
             folder.mkdir(parents=True, exist_ok=True)

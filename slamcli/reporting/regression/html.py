@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from html import escape
 
 from slamcli.batch.regression.result import CaseResult, MetricResult, RegressionReport, Verdict
@@ -91,12 +92,12 @@ def _update(report: RegressionReport) -> list[str]:
 
 
 def _provenance(report: RegressionReport) -> list[str]:
-    def listing(entry: dict[str, object]) -> str:
+    def listing(entry: Mapping[str, object]) -> str:
         items = "".join(f"<dt>{escape(key)}</dt><dd>{escape(str(value))}</dd>" for key, value in entry.items())
         return f"<dl>{items}</dl>"
 
-    here = {"suite": report.path, "suite sha256": report.sha256, "baseline": report.baseline, **report.provenance}
-    lines = ["<h2>This run</h2>", listing(here)]
+    here = {"suite": report.path, "suite sha256": report.sha256, "baseline": report.baseline}
+    lines = ["<h2>This run</h2>", listing({**here, **words.facts(report.provenance)})]
     for entry in report.baseline_provenance:
-        lines += ["<h2>Baseline</h2>", listing(entry)]
+        lines += ["<h2>Baseline</h2>", listing(words.facts(entry))]
     return lines

@@ -36,7 +36,7 @@ def render(report: RegressionReport) -> str:
     place = {"timestamp": stamp, "hostname": _clean(platform.node() or "unknown")}
     suite = SubElement(root, "testsuite", {"name": _clean(report.suite), **place, **counts})
     properties = SubElement(suite, "properties")
-    facts = {**made, "suite": report.path, "suite_sha256": report.sha256, "baseline": report.baseline}
+    facts = {**words.facts(made), "suite": report.path, "suite_sha256": report.sha256, "baseline": report.baseline}
     for key, value in facts.items():
         SubElement(properties, "property", name=key, value=_clean(str(value)))
     for case, kind in zip(report.cases, kinds, strict=True):

@@ -28,15 +28,11 @@ def render(report: RegressionReport) -> str:
             cells += [words.change(figure), words.limits(figure), figure.verdict.value]
             lines.append(f"| {' | '.join([*cells[:2], *map(_text, cells[2:])])} |")
             name = time = ""
-    lines += ["", *(f"Note: {_text(note)}" for note in report.notes)]
+    lines += [line for note in report.notes for line in ("", f"Note: {_text(note)}")]
     if report.update is not None:
         first, *others = words.update_lines(report.update)
-        lines += [_text(first), "", *(f"- {_text(line.strip())}" for line in others)]
-    made = report.provenance
-    lines += [
-        "",
-        f"slamcli {made['slamcli']}, Python {made['python']}, numpy {made['numpy']}, {made['cpu']}, {made['date']}",
-    ]
+        lines += ["", _text(first), "", *(f"- {_text(line.strip())}" for line in others)]
+    lines += ["", _text(words.made_by(report.provenance))]
     return "\n".join(lines) + "\n"
 
 

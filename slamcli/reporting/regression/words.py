@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from slamcli.batch.regression.result import CaseResult, MetricResult, RegressionReport, Update, Verdict
 from slamcli.reporting.text import plural, seconds
 
@@ -64,6 +66,8 @@ def headline(report: RegressionReport) -> str:
 
 def outcome(report: RegressionReport) -> str:
     """``passed``, ``failed``, ...: what the exit code says."""
+    if report.update is not None and report.update.failed and not report.interrupted:
+        return "baseline not written"
     return {0: "passed", 1: "failed", 3: "data missing", 130: "interrupted"}[int(report.exit_code)]
 
 
@@ -79,6 +83,19 @@ def update_lines(update: Update) -> list[str]:
     if update.written:
         return [f"baseline {update.path} written: {counted}", *lines]
     return [f"baseline {update.path} not written: {update.reason}", *lines]
+
+
+def facts(provenance: dict[str, Any]) -> dict[str, str]:
+    """A provenance as names with words, the versions among them."""
+    versions = {name: version or "absent" for name, version in provenance["versions"].items()}
+    return {key: str(value) for key, value in {**versions, **provenance}.items() if key != "versions"}
+
+
+def made_by(provenance: dict[str, Any]) -> str:
+    """The most important of it in a line."""
+    here = facts(provenance)
+    versions = ", ".join(f"{word} {here[word.lower()]}" for word in ("slamcli", "Python", "numpy"))
+    return f"{versions}, {here['processor']}, {here['date']}"
 
 
 def verdict_colour(verdict: Verdict) -> str | None:

@@ -44,9 +44,11 @@ def recover(recovery: CovarianceRecovery, request: CovarianceRequest) -> Covaria
     UsageError
         If an id does not exist, or nothing is to be recovered.
     NumericalError
-        If H is singular or indefinite, or there are no degrees of freedom to take a scale from.
+        If H is singular or indefinite, what was asked for is not determined by its edges, or there are no degrees of
+        freedom to take a scale from.
     """
     graph = recovery.graph
+    _require_determined(recovery, request)
     chosen = _chosen(graph, request)
     joint = [find(graph, identifier, intrinsics=True) for identifier in request.joint]
     pairs = [(find(graph, i), find(graph, j)) for i, j in request.relative]
@@ -69,7 +71,20 @@ def recover(recovery: CovarianceRecovery, request: CovarianceRequest) -> Covaria
             _relative(recovery, pair, ids, request.convention, factor)
             for pair, ids in zip(pairs, request.relative, strict=True)
         ],
+        under_observed=recovery.under_observed,
+        edges_left_out=recovery.edges_left_out,
     )
+
+
+def _require_determined(recovery: CovarianceRecovery, request: CovarianceRequest) -> None:
+    """Refuse landmarks that were left out where they were asked for by their ids."""
+    asked = {*request.ids, *request.joint, *(identifier for pair in request.relative for identifier in pair)}
+    lost = [landmark for landmark in recovery.under_observed if landmark.id in asked]
+    if lost:
+        raise NumericalError(
+            f"no covariance: the edges of landmark {lost[0].id} do not determine it",
+            tuple(f"  {landmark.id}: {landmark.reason}" for landmark in lost),
+        )
 
 
 def _chosen(graph: FactorGraph, request: CovarianceRequest) -> dict[str, IndexArray]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,6 +25,9 @@ from slamcli.solver.options import OptimizeOptions
 from slamcli.solver.problem import Problem
 from slamcli.solver.result import Result
 from slamcli.solver.stopwatch import Stopwatch
+
+if TYPE_CHECKING:
+    from slamcli.solver.under_observed import UnderObserved
 
 #: A variable: the name of its kind, and its row in that column.
 Member = tuple[str, int]
@@ -42,6 +46,12 @@ class CovarianceRecovery:
         The linear problem of a run on the same graph, to use its pattern and order again; None to make one, as where
         that run iterated instead of factorizing.
 
+    Attributes
+    ----------
+    under_observed, edges_left_out
+        Landmarks that are not in the graph, since their edges do not determine them, and number of these (see
+        ``recovery_at``).
+
     Raises
     ------
     InputError
@@ -51,9 +61,14 @@ class CovarianceRecovery:
     """
 
     def __init__(
-        self, graph: FactorGraph, options: OptimizeOptions | None = None, problem: Problem | None = None
+        self,
+        graph: FactorGraph,
+        options: OptimizeOptions | None = None,
+        problem: Problem | None = None,
     ) -> None:
         self.options = options or OptimizeOptions()
+        self.under_observed: tuple[UnderObserved, ...] = ()
+        self.edges_left_out = 0
         self.graph = bundle.with_intrinsics(graph, self.options.intrinsics).with_fixed(self.options.fix)
         _check(self.graph)
         scene_checks.require_finite(self.graph)
@@ -224,6 +239,31 @@ class CovarianceRecovery:
         return NumericalError(f"no covariances: {reason}", details)
 
 
+def recovery_at(graph: FactorGraph, options: OptimizeOptions | None = None) -> CovarianceRecovery:
+    """Covariances of a graph at its values, without landmarks that its edges do not determine there.
+
+    Raises
+    ------
+    InputError, NumericalError
+        As ``CovarianceRecovery``.
+    """
+    options = options or OptimizeOptions()
+    graph = bundle.with_intrinsics(graph, options.intrinsics).with_fixed(options.fix)
+    poses = [column for column in graph.variables.values() if column.kind.is_pose]
+    if graph.landmarks == 0 or not all(column.known.all() for column in poses):
+        return CovarianceRecovery(graph, options)
+    from slamcli.solver import under_observed  # most graphs do without
+
+    lost = under_observed.at_values(graph)
+    held_back = under_observed.HeldBack.of(graph, lost)
+    reduced = held_back.reduced()
+    if not lost or not reduced.factors or diagnosis.indefinite_information(graph) is not None:
+        return CovarianceRecovery(graph, options)
+    recovery = CovarianceRecovery(reduced, replace(options, fix=()))
+    recovery.under_observed, recovery.edges_left_out = under_observed.described(graph, lost), held_back.edges
+    return recovery
+
+
 def recovery_of(result: Result) -> CovarianceRecovery:
     """Covariances at the end of a run that minimized chi2, with its linear problem.
 
@@ -231,16 +271,24 @@ def recovery_of(result: Result) -> CovarianceRecovery:
     information is multiplied by it, and what was rejected is not there. Nor are landmarks that were held back.
     """
     if result.rejection is None:
-        return CovarianceRecovery(result.optimized, result.options, result.problem)
+        recovery = CovarianceRecovery(result.optimized, result.options, result.problem)
+    else:
+        recovery = CovarianceRecovery(_weighted(result), result.options)
+    if result.held_back is not None:
+        recovery.under_observed, recovery.edges_left_out = result.under_observed, result.held_back.edges
+    return recovery
+
+
+def _weighted(result: Result) -> FactorGraph:
+    """The graph without rejected and held-back factors, those that are left with the weight that they had."""
+    assert result.rejection is not None
     factors = []
     for column, weight in zip(result.graph.factors, result.rejection.weight, strict=True):
         kept = np.flatnonzero(weight > 0.0)
         part = column.part(kept)
         factors.append(replace(part, information=weight[kept, None, None] * part.information))
     graph = replace(result.graph, factors=[part for part in factors if len(part)])
-    if result.held_back is not None:
-        graph = result.held_back.without(graph)
-    return CovarianceRecovery(graph, result.options)
+    return graph if result.held_back is None else result.held_back.without(graph)
 
 
 def _check(graph: FactorGraph) -> None:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from slamcli.graph import FactorGraph
 from slamcli.graph.columns import BoolArray, IdArray
 from slamcli.models import VariableKind
 from slamcli.models.base import Array
 from slamcli.solver.gauge import Gauge
+
+if TYPE_CHECKING:
+    from slamcli.solver.under_observed import UnderObserved
 
 SCALES = ("none", "posterior")
 SELECTIONS = ("all", "poses", "landmarks")
@@ -118,6 +122,10 @@ class CovarianceResult:
         How much chi2 would fall in one Gauss-Newton step: the squared Mahalanobis distance to the optimum.
     marginals, cross, joint, relative
         What was asked for.
+    under_observed
+        Landmarks that were left out, since their edges do not determine them; the graph is without them.
+    edges_left_out
+        Number of their edges.
     """
 
     graph: FactorGraph
@@ -131,6 +139,8 @@ class CovarianceResult:
     cross: list[Cross]
     joint: Joint | None
     relative: list[Relative]
+    under_observed: tuple[UnderObserved, ...] = ()
+    edges_left_out: int = 0
 
     @property
     def at_optimum(self) -> bool:

@@ -52,7 +52,7 @@ def initialize(graph: FactorGraph, method: str, held: Held, *, complete: bool = 
         values, placed, words = _relaxed(graph, held, anchors=_ANCHORS)
     else:
         values, placed = _along_edges(graph, method, held)
-        words = _WORDS.get(method, f"{FROM_FILE}; {missing} variables without one placed along a spanning tree")
+        words = _WORDS.get(method, f"{FROM_FILE}; {missing} without one placed by their edges")
     if graph.landmarks:
         from slamcli.solver.initialization import landmarks  # most graphs do without
 
@@ -171,5 +171,5 @@ def _require_all(graph: FactorGraph, placed: dict[str, BoolArray]) -> None:
             who = "1 landmark has" if lost.sum() == 1 else f"{lost.sum()} landmarks have"
             raise NumericalError(
                 f"{who} no estimate and no edge that determines one: {ids}{more}",
-                ("  give vertices for them: a bearing or a range, or an edge from them to another point, places none",),
+                ("  give vertices for them, or more edges: a single bearing or range places none",),
             )

@@ -19,7 +19,7 @@ from slamcli.graph import FactorGraph
 from slamcli.graph.columns import BoolArray, Values
 from slamcli.models import SWITCH
 from slamcli.models.base import Array
-from slamcli.solver import diagnosis, gauge
+from slamcli.solver import bundle, diagnosis, gauge
 from slamcli.solver.attempt import OnIteration
 from slamcli.solver.initialization import initialize
 from slamcli.solver.optimize import optimize
@@ -59,7 +59,7 @@ def run(
     if SWITCH.name in graph.variables:
         hint = ("  without --robust its switches are optimized along with the poses",)
         raise InputError("the graph has switchable loop closures: --robust has nothing to decide about them", hint)
-    graph = graph.with_fixed(options.fix)
+    graph = bundle.with_intrinsics(graph, options.intrinsics).with_fixed(options.fix)
     closures = Closures.of(graph)
     _, held = gauge.choose(graph)
     plain = replace(options, robust="none")
@@ -233,8 +233,8 @@ def _finished(
 ) -> Result:
     """The result of the kept part as that of the whole graph, with what was rejected."""
     whole = graph.with_values({name: result.graph.values[name] for name in graph.variables})
-    _, held = gauge.choose(graph)
-    found = rejection.of_weights(whole, weight, options, graph.degrees_of_freedom(held), scale)
+    chosen, held = gauge.choose(graph, options.gauge)
+    found = rejection.of_weights(whole, weight, options, chosen.degrees_of_freedom(graph, held), scale)
     return replace(result, graph=whole, options=options, rejection=found)
 
 

@@ -5,6 +5,15 @@ from __future__ import annotations
 from command_line import SINGULAR
 from row import BROKEN, INDEFINITE, SEEN, TORO, UNPLACED, Case
 
+# A pose whose only edge says nothing of its orientation.
+_LOOSE_POSE = """\
+VERTEX_SE2 0 0 0 0
+VERTEX_SE2 1 1 0 0
+VERTEX_SE2 2 2 0 0
+EDGE_SE2 0 1 1 0 0 10 0 0 10 0 10
+EDGE_SE2 1 2 1 0 0 10 0 0 10 0 0
+"""
+
 ROWS = (
     Case("covariance {in}", 0, out=("3 SE2", "lowest id held: 0", "whose own are zero"), err="not at an optimum"),
     Case("covariance -", 0, out="tangent      SE2: x [m], y [m], theta [rad]; frame of the pose"),
@@ -45,7 +54,10 @@ ROWS = (
     Case("covariance {in}", 3, err=("have no estimate", "slamcli optimize"), content=UNPLACED),
     Case("covariance {in}", 3, err="no edge that slamcli can use", content="VERTEX_SE2 0 0 0 0\n"),
     Case("covariance {in} -o nowhere/c.npz", 3, err="nowhere/c.npz: cannot be written"),
-    Case("covariance {in}", 5, err=("no covariances", "XY 77"), content=SINGULAR),
+    Case("covariance {in}", 0, out=("2 SE2", "held back"), err="1 landmark is not determined", content=SINGULAR),
+    Case("covariance {in} --json", 0, out='"reason": "a single bearing"', err="held back: 77", content=SINGULAR),
+    Case("covariance {in} --of 77", 5, err=("landmark 77", "77: a single bearing"), content=SINGULAR),
+    Case("covariance {in}", 5, err=("no covariances", "SE2 2, mostly"), content=_LOOSE_POSE),
     Case("covariance {in}", 5, err="indefinite", content=INDEFINITE),
     Case("covariance {in} --intrinsics fixed", 2, err="is for cameras"),
     Case("covariance --help", 0, out=("Usage: slamcli covariance", "--relative", "Exit codes")),

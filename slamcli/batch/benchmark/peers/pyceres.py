@@ -22,6 +22,7 @@ from slamcli.geometry import quaternion
 from slamcli.graph.columns import Factors, Values
 from slamcli.models import VariableKind
 from slamcli.models.base import Array
+from slamcli.models.shared_intrinsics import INTRINSICS
 
 #: A graph with more edges is left out: it would take minutes, and say nothing about Ceres.
 EDGES = 10_000
@@ -40,7 +41,7 @@ def parts(kind: VariableKind) -> tuple[int, ...]:
     if kind.size >= _POSITION + _QUATERNION and kind.is_pose:
         rest = kind.size - _POSITION - _QUATERNION
         return (_POSITION, _QUATERNION, *([rest] if rest else []))
-    if kind.space == 0:
+    if kind.space == 0 and kind not in INTRINSICS:
         raise ValueError(f"has no {kind.name} variables")
     return (kind.size,)
 

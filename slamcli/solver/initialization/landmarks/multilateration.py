@@ -15,7 +15,7 @@ import numpy as np
 from slamcli import models
 from slamcli.graph.columns import IndexArray, finite_rows
 from slamcli.models.base import Array
-from slamcli.solver.initialization.landmarks.sightings import Sightings
+from slamcli.solver.initialization.landmarks.sightings import Sightings, summed
 from slamcli.solver.initialization.landmarks.triangulation import rays
 
 #: The linear solution across the axis counts where the spread there is more than this share of that along it.
@@ -85,7 +85,7 @@ def on_rays(sightings: Sightings) -> list[Array]:
 
 def _means(row: IndexArray, weight: Array, quantity: Array, count: int) -> Array:
     """Weighted means of a quantity over the sightings of each landmark; NaN where it has none."""
-    total, out = np.bincount(row, weight, minlength=count), np.zeros((count, *quantity.shape[1:]))
-    np.add.at(out, row, weight.reshape(-1, *[1] * (quantity.ndim - 1)) * quantity)
+    shape = (-1, *[1] * (quantity.ndim - 1))
+    total = summed(row, weight, count)
     with np.errstate(all="ignore"):
-        return out / total.reshape(-1, *[1] * (quantity.ndim - 1))
+        return summed(row, weight.reshape(shape) * quantity, count) / total.reshape(shape)

@@ -3,7 +3,7 @@
 H_l is the landmark's own block of J^T Omega J, its poses given, with the eigenvalues low and high. The sightings
 determine the landmark if
 
-* what is linear in its place (points seen, priors, differences to other landmarks) has a regular H_l, or
+* what is linear in its place (points seen, priors, differences to landmarks that are determined) has a regular H_l, or
 * H_l is regular, and its lines of sight cross clearly (low / high of at least ``CLEAR``: two of them at an angle of
   11 degrees) or closely enough for the noise: the standard deviation of the place along its worst direction,
   s / sqrt(low), is at most ``LARGEST`` times the distance from what sees it, and at infinity in the mean direction of
@@ -22,11 +22,16 @@ from __future__ import annotations
 import numpy as np
 
 from slamcli import models
-from slamcli.graph.columns import BoolArray, finite_rows
+from slamcli.graph import FactorGraph, Factors
+from slamcli.graph.columns import BoolArray, IndexArray, finite_rows
+from slamcli.graph.topology import connected_components
+from slamcli.models import VariableKind
 from slamcli.models.base import Array
-from slamcli.solver.initialization.landmarks.sightings import Sightings
+from slamcli.solver.initialization.landmarks.sightings import Sightings, summed
 from slamcli.solver.initialization.landmarks.triangulation import AFFINE, rays
 
+#: Kinds that join two landmarks.
+DIFFERENCES = (models.POINT_DIFFERENCE_2D, models.POINT_DIFFERENCE_3D)
 #: Largest standard deviation of a landmark's place along its worst direction, over its distance: less parallax than
 #: three standard deviations of the noise may be noise alone.
 LARGEST = 1.0 / 3.0
@@ -40,13 +45,32 @@ CLEAR = 1e-2
 _SINGULAR = 1e-13
 
 
-def linearly(sightings: Sightings) -> BoolArray:
-    """Which landmarks (n,) are determined by what is linear in their place (or a range with its bearing)."""
+def linearly(sightings: Sightings, group: IndexArray | None = None) -> BoolArray:
+    """Which landmarks (n,) are determined by what is linear in their place (or a range with its bearing).
+
+    With the number (n,) of a group for each, as ``joined`` has them, differences count for nothing else: groups are
+    determined by what else there is of any of their landmarks.
+    """
     linear = [part for part in sightings.parts if part.kind in AFFINE or part.kind is models.RANGE_BEARING_2D]
     matrix = np.zeros((sightings.count, sightings.kind.space, sightings.kind.space))
     for part in linear:  # residuals of as many dimensions as the place: regular with the information
-        np.add.at(matrix, part.rows, part.factors.information)
-    return _regular(matrix)
+        if group is None or part.kind not in DIFFERENCES:
+            rows = part.rows if group is None else group[part.rows]
+            matrix += summed(rows, part.factors.information, sightings.count)
+    return _regular(matrix) if group is None else _regular(matrix)[group]
+
+
+def differences(graph: FactorGraph, kind: VariableKind) -> list[Factors]:
+    """The factors that join landmarks of a kind with each other."""
+    return [factors for factors in graph.factors if factors.kind in DIFFERENCES and factors.kind.variables[0] is kind]
+
+
+def joined(graph: FactorGraph, kind: VariableKind) -> IndexArray:
+    """Group (n,) of each landmark of a kind: those that differences with a regular information matrix join."""
+    pairs = [f.indices[_regular(f.information)] for f in differences(graph, kind)]
+    return connected_components(
+        len(graph.variables[kind.name]), np.concatenate([np.empty((0, 2), dtype=np.intp), *pairs])
+    )
 
 
 @np.errstate(all="ignore")  # what is not finite is not determined
@@ -78,7 +102,7 @@ def _at_infinity(sightings: Sightings, distance: Array) -> tuple[Array, BoolArra
     towards = np.zeros((sightings.count, sightings.kind.space))
     for part in sightings.parts:
         if part.kind is models.BEARING_2D:
-            np.add.at(towards, part.rows, part.factors.information[:, 0] * rays(part)[1])
+            towards += summed(part.rows, part.factors.information[:, 0] * rays(part)[1], sightings.count)
     length = np.sqrt(np.square(towards).sum(axis=1))
     centre, extent = sightings.centre()
     far = _INFINITY * (distance + extent) / np.where(length > 0.0, length, 1.0)

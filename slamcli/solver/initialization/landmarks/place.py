@@ -16,7 +16,7 @@ from slamcli.graph.columns import BoolArray, Values, finite_rows
 from slamcli.models.base import Array
 from slamcli.solver.initialization.landmarks import multilateration, observability, triangulation
 from slamcli.solver.initialization.landmarks.refinement import refined
-from slamcli.solver.initialization.landmarks.sightings import Sightings
+from slamcli.solver.initialization.landmarks.sightings import Part, Sightings
 
 #: Candidates are as good as each other within this share of chi2, and of a squared deviation.
 _TIE = 1e-6
@@ -41,10 +41,10 @@ def place(graph: FactorGraph, values: Values, placed: dict[str, BoolArray]) -> N
             # what is to be left out has been left out by now; without a value of its own any crossing will do
             firm |= ~graph.variables[name].known & observability.regular(sightings, np.where(good[:, None], found, 0.0))
             good &= firm
-            if not good.any():
-                break
             values[name] = np.where(good[:, None], found, values[name])
             placed[name] = placed[name] | good
+            if not good.any() or not observability.differences(graph, kind):
+                break
 
 
 def own_values(graph: FactorGraph, name: str) -> Array:
@@ -79,16 +79,30 @@ def minima(sightings: Sightings) -> list[tuple[Array, Array]]:
         chi2 = sightings.chi2(linear)
         return [(linear, np.where(finite_rows(linear), chi2, np.inf))]
     candidates = [linear, *multilateration.both_sides(sightings), *multilateration.on_rays(sightings)]
-    return [refined(sightings, candidate) for candidate in candidates + _ahead(sightings)]
-
-
-def _ahead(sightings: Sightings) -> list[Array]:
-    """Candidates ahead of the first bearing, for lines that cross behind the poses."""
+    found = [refined(sightings, candidate) for candidate in candidates]
     bearings = [part for part in sightings.parts if part.kind is models.BEARING_2D]
     if not bearings:
-        return []
+        return found
     _, extent = sightings.centre()
     extent = np.where(extent > 0.0, extent, 1.0)
+    near = [_lies_ahead(place, bearings, sightings.distance(place) < _AHEAD[-1] * extent) for place, _ in found]
+    for candidate in _ahead(sightings, bearings, extent):
+        candidate[np.any(near, axis=0)] = np.nan
+        found.append(refined(sightings, candidate))
+    return found
+
+
+def _lies_ahead(places: Array, bearings: list[Part], near: BoolArray) -> BoolArray:
+    """Which of the places (n,) that are near lie ahead of all poses that have a bearing to them."""
+    out = near.copy()
+    for part in bearings:
+        origins, directions = triangulation.rays(part)
+        out[part.rows[~(np.vecdot(directions, places[part.rows] - origins) > 0.0)]] = False
+    return out
+
+
+def _ahead(sightings: Sightings, bearings: list[Part], extent: Array) -> list[Array]:
+    """Candidates ahead of the first bearing, for lines that cross behind the poses."""
     origin, ray = (np.full((sightings.count, 2), np.nan) for _ in range(2))
     first = np.full(sightings.count, np.iinfo(np.int64).max)
     for part in bearings:

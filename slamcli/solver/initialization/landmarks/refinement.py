@@ -11,6 +11,8 @@ from slamcli.solver.initialization.landmarks.sightings import Sightings
 _STEPS = 30
 #: Converged where a step moves a landmark by less than this share of its distance from what sees it.
 _SMALL = 1e-10
+#: ... or a step lowers its chi2 by no more than this share, as where residuals are large and convergence is slow.
+_GAIN = 1e-9
 #: Damping as a share of the trace of H: at the start, at least, at most; what makes it grow and shrink.
 _DAMPING, _LEAST, _MOST, _GROW, _SHRINK = 1e-4, 1e-14, 1e12, 10.0, 0.2
 
@@ -42,6 +44,7 @@ def refined(sightings: Sightings, places: Array, steps: int = _STEPS) -> tuple[A
         finite = finite_rows(new_hessian) & finite_rows(new_gradient)
         better = finite[rows] & (new_chi2[rows] <= lowest[rows])
         taken, refused = rows[better], rows[~better]
+        still = lowest[taken] - new_chi2[taken] <= _GAIN * new_chi2[taken]
         places[taken], lowest[taken] = trial[taken], new_chi2[taken]
         hessian[taken], gradient[taken] = new_hessian[taken], new_gradient[taken]
         damping[taken] = np.maximum(_SHRINK * damping[taken], _LEAST)
@@ -49,5 +52,6 @@ def refined(sightings: Sightings, places: Array, steps: int = _STEPS) -> tuple[A
         length = np.sqrt(np.square(step).sum(axis=1))
         scale = np.maximum(np.abs(places[rows]).max(axis=1), np.finfo(np.float64).tiny)
         active[rows[length <= _SMALL * scale]] = False
+        active[taken[still]] = False
         active[rows[damping[rows] > _MOST]] = False
     return places, lowest

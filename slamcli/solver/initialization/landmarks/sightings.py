@@ -20,6 +20,13 @@ from slamcli.models import FactorKind, Projection, VariableKind
 from slamcli.models.base import Array
 
 
+def summed(rows: IndexArray, quantity: Array, count: int) -> Array:
+    """Sums (count, ...) of a quantity (m, ...) by row; several times as fast as ``numpy.add.at``."""
+    columns = quantity.reshape(len(rows), -1).T
+    sums = [np.bincount(rows, column, minlength=count) for column in columns]
+    return np.asarray(np.stack(sums, axis=1).reshape(count, *quantity.shape[1:]), dtype=np.float64)
+
+
 @dataclass(frozen=True, eq=False)
 class Part:
     """Sightings of one kind.
@@ -141,9 +148,9 @@ class Sightings:
                 residual, jacobian = part.linearized(places)
                 weighted = part.factors.information @ np.concatenate([jacobian, residual[:, :, None]], axis=2)
                 product = jacobian.transpose(0, 2, 1) @ weighted
-                np.add.at(hessian, part.rows, product[:, :, :-1])
-                np.add.at(gradient, part.rows, product[:, :, -1])
-                np.add.at(chi2, part.rows, np.vecdot(residual, weighted[:, :, -1]))
+                hessian += summed(part.rows, product[:, :, :-1], self.count)
+                gradient += summed(part.rows, product[:, :, -1], self.count)
+                chi2 += summed(part.rows, np.vecdot(residual, weighted[:, :, -1]), self.count)
         return chi2, hessian, gradient
 
     def chi2(self, places: Array) -> Array:
@@ -153,7 +160,7 @@ class Sightings:
             for part in self.parts:
                 f = part.factors
                 residual = f.kind.residual(part.joined(places), f.measurements, f.parameters)
-                np.add.at(out, part.rows, np.vecdot(residual, np.matvec(f.information, residual)))
+                out += summed(part.rows, np.vecdot(residual, np.matvec(f.information, residual)), self.count)
         return out
 
     def centre(self) -> tuple[Array, Array]:
@@ -162,9 +169,9 @@ class Sightings:
         mean, square = np.zeros((self.count, self.kind.space)), np.zeros(self.count)
         total = np.maximum(sum((np.bincount(rows, minlength=self.count) for rows, _ in seers), np.zeros(self.count)), 1)
         for rows, position in seers:
-            np.add.at(mean, rows, position / total[rows, None])
+            mean += summed(rows, position / total[rows, None], self.count)
         for rows, position in seers:
-            np.add.at(square, rows, np.square(position - mean[rows]).sum(axis=1) / total[rows])
+            square += summed(rows, np.square(position - mean[rows]).sum(axis=1) / total[rows], self.count)
         return mean, np.sqrt(square)
 
     def distance(self, places: Array) -> Array:
@@ -173,6 +180,6 @@ class Sightings:
         for part in self.parts:
             if part.others is not None:
                 away = places[part.rows] - part.others[:, : self.kind.space]
-                square += np.bincount(part.rows, np.square(away).sum(axis=1), minlength=self.count)
+                square += summed(part.rows, np.square(away).sum(axis=1), self.count)
                 total += np.bincount(part.rows, minlength=self.count)
         return np.sqrt(square / np.maximum(total, 1.0))

@@ -13,7 +13,7 @@ from slamcli import models
 from slamcli.geometry import so2
 from slamcli.graph.columns import finite_rows
 from slamcli.models.base import Array
-from slamcli.solver.initialization.landmarks.sightings import Part, Sightings
+from slamcli.solver.initialization.landmarks.sightings import Part, Sightings, summed
 
 #: Kinds whose residual is affine in the landmark.
 AFFINE = (
@@ -63,8 +63,8 @@ def least_squares(sightings: Sightings) -> Array:
 def _add_line(matrix: Array, right: Array, part: Part, normal: Array, weight: Array, offset: Array) -> None:
     """Add weight (normal . (p - base) + offset)^2 to the normal equations."""
     weighted = weight[:, None] * normal
-    np.add.at(matrix, part.rows, weighted[:, :, None] * normal[:, None, :])
-    np.add.at(right, part.rows, weighted * offset[:, None])
+    matrix += summed(part.rows, weighted[:, :, None] * normal[:, None, :], len(matrix))
+    right += summed(part.rows, weighted * offset[:, None], len(right))
 
 
 def _solution(base: Array, matrix: Array, right: Array) -> Array:

@@ -8,37 +8,53 @@ import hashlib
 import os
 import platform
 import subprocess
+from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 import slamcli
-from slamcli.batch.regression import reference
 
-_LIBRARIES = ("numpy", "scipy", "cvxopt", "pymetis")
+#: Libraries that figures and times depend on.
+LIBRARIES = ("numpy", "scipy", "cvxopt", "pymetis")
 _PACKAGE = Path(slamcli.__file__).parent
 
 
-def provenance() -> dict[str, Any]:
-    """Of a run that begins now; ``git`` is None outside of a repository."""
+def provenance(peers: Iterable[str] = ()) -> dict[str, Any]:
+    """Of a run that begins now.
+
+    Parameters
+    ----------
+    peers
+        Further packages whose versions count.
+
+    Returns
+    -------
+    dict[str, Any]
+        ``date`` (UTC), ``platform``, ``processor`` by name, number of ``processors``, ``revision`` (commit, with ``+``
+        if the sources were changed since; None outside of a repository), ``source`` (hash of the sources that run),
+        ``versions`` of slamcli, Python, the libraries and the peers (None for one that is not installed).
+    """
+    installed = {name: _version(name) for name in (*LIBRARIES, *peers)}
     return {
-        "slamcli": slamcli.__version__,
-        "python": platform.python_version(),
-        **{name: _version(name) for name in _LIBRARIES},
+        "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "platform": platform.platform(),
-        "cpu": _processor(),
-        "cpus": os.cpu_count(),
-        "date": datetime.datetime.now(datetime.UTC).replace(microsecond=0).isoformat(),
-        "git": _revision(),
+        "processor": _processor(),
+        "processors": os.cpu_count(),
+        "revision": _revision(),
         "source": source_digest(),
-        "reference_kernel": reference.VERSION,
+        "versions": {"slamcli": slamcli.__version__, "python": platform.python_version(), **installed},
     }
 
 
 def differences(old: dict[str, Any], new: dict[str, Any]) -> list[str]:
-    """In words, what may explain other figures than those of the baseline."""
-    names = ("slamcli", "python", *_LIBRARIES, "platform", "cpu")
-    return [f"{name} {old[name]} -> {new.get(name)}" for name in names if name in old and old[name] != new.get(name)]
+    """In words, what may explain other figures at two times: versions, platform, processor."""
+    pairs = {name: (old.get(name), new.get(name)) for name in ("platform", "processor")}
+    versions = [entry.get("versions", {}) for entry in (old, new)]
+    pairs |= {name: (version, versions[1].get(name)) for name, version in versions[0].items()}
+    return [
+        f"{name} {before or 'absent'} -> {now or 'absent'}" for name, (before, now) in pairs.items() if before != now
+    ]
 
 
 @functools.cache
