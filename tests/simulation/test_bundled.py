@@ -57,7 +57,8 @@ def test_makefile_and_folders_agree() -> None:
     assert sorted(listed.split()) == [path.name for path in FILES]
     assert sorted(path.name for path in CONFIGS.iterdir()) == [f"{stem}.yaml" for stem in stems]
     assert sorted(path.name for path in (BUNDLED / "truth").iterdir()) == [f"{stem}.g2o" for stem in stems]
-    assert {path.name for path in BUNDLED.iterdir()} == {path.name for path in FILES} | {"truth", "README.md"}
+    others = {"truth", "registry", "README.md"}
+    assert {path.name for path in BUNDLED.iterdir()} == {path.name for path in FILES} | others
     table = (BUNDLED / "README.md").read_text(encoding="utf-8")
     assert re.findall(r"^\| `(.*?)`", table, re.MULTILINE) == listed.split()
 
