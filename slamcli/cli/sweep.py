@@ -173,7 +173,7 @@ def _problem(group: click.Group, words: Sequence[str], case: Any) -> str | None:
     """What is wrong with the command line of a step, None if nothing is."""
     from slamcli.batch.sweep.plan import options_of
 
-    context = click.Context(group, info_name="slamcli")
+    context = click.Context(group, info_name="slamcli", **group.context_settings)
     step = group.get_command(context, words[0])
     if step is None:
         return f"there is no command {words[0]!r}"

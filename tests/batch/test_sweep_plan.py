@@ -258,7 +258,7 @@ def test_inputs_are_the_options_that_name_files_to_be_read():
     from slamcli.cli.main import build_group
 
     group = build_group()
-    context = click.Context(group)
+    context = click.Context(group, **group.context_settings)
     commands = {"simulation": ["simulate"], "inject": ["inject"], "evaluate": ["evaluate"]}
     commands["options"] = ["optimize", "ekf", "sparsity", "covariance", "info"]
     for section, names in commands.items():

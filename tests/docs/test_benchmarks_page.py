@@ -35,7 +35,7 @@ SECTIONS = re.findall(r"^## (.*)\n\n(?:.*\n)+?\n?```text\n(.*)\n```\n((?:(?!## )
 
 
 def parsed(words: str) -> dict[str, object]:
-    return command.make_context("bench", words.split()).params
+    return command.make_context("bench", words.split(), help_option_names=["-h", "--help"]).params
 
 
 def test_the_page_has_the_sections_of_its_generator() -> None:
