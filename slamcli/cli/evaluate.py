@@ -31,7 +31,7 @@ positions do not determine the alignment.
 
 @click.command(name="evaluate", epilog=_EXAMPLES)
 @click.argument("estimates", metavar="ESTIMATE...", nargs=-1, required=True, type=INPUT)
-@click.option("--truth", type=FILE, metavar="FILE", help="The true poses, in any format that slamcli reads.")
+@click.option("--truth", type=INPUT, metavar="FILE", help="The true poses, in any format that slamcli reads.")
 @click.option(
     "--align",
     type=click.Choice(["none", "origin", "se", "sim"]),

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 import click
 
-from slamcli.cli.options import FILE
+from slamcli.cli.inputs import INPUT
 from slamcli.cli.quantities import Numbers
 from slamcli.errors import UsageError
 
@@ -18,7 +18,7 @@ _NEW_GATE = 0.9999
 def log_options(function: F) -> F:
     """``INPUT --truth --robot --dialect --lenient``: the log and its truth."""
     options = [
-        click.option("--truth", type=FILE, metavar="FILE", help="Graph or trajectory with the truth."),
+        click.option("--truth", type=INPUT, metavar="FILE", help="Graph or trajectory with the truth."),
         click.option("--robot", type=click.IntRange(min=1), metavar="N", help="Which robot of a log of several."),
         click.option("--dialect", type=click.Choice(["g2o", "toro"]), help="INPUT is a graph of this dialect."),
         click.option("--lenient", is_flag=True, help="Skip and count malformed records instead of stopping at them."),

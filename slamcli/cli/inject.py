@@ -9,6 +9,7 @@ from typing import Any
 
 import click
 
+from slamcli.cli.inputs import INPUT
 from slamcli.cli.options import FILE, check_outputs, input_options, json_option, warn
 from slamcli.cli.quantities import Numbers
 from slamcli.errors import UsageError
@@ -121,7 +122,7 @@ class _SigmaType(click.ParamType):  # type: ignore[type-arg]
 )
 @click.option(
     "--truth",
-    type=FILE,
+    type=INPUT,
     metavar="FILE",
     help="Graph that false edges must contradict.  [default: the values of INPUT or its optimum]",
 )

@@ -45,7 +45,7 @@ nothing is written unless the code is 0.
 @click.option(
     "-o", "--output", type=FILE, required=True, metavar="FILE", help="Picture: .png, .svg or .pdf; - is PNG on stdout."
 )
-@click.option("--truth", type=FILE, metavar="FILE", help="Graph or trajectory to draw dark and dashed.")
+@click.option("--truth", type=INPUT, metavar="FILE", help="Graph or trajectory to draw dark and dashed.")
 @click.option(
     "--align",
     type=click.Choice(["none", "origin", "se", "sim"]),

@@ -83,4 +83,11 @@ ROWS = (
     Case("evaluate - --truth -", 2, err="only one file"),
     Case("evaluate", 2, err="ESTIMATE"),
     Case("evaluate --help", 0, out=("Usage: slamcli evaluate", "--dead-reckoning", "Examples")),
+    Case("evaluate {in} --truth manhattan_smal", 3, err="did you mean the data set manhattan_small or"),
+    Case(
+        "evaluate {in} --truth manhattan_small",
+        0,
+        out="manhattan_small.g2o",
+        err="reading the data set manhattan_small",
+    ),
 )
