@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from slamcli.reporting.text import plural
 from slamcli.solver.result import Result
-from slamcli.solver.under_observed import UnderObserved
+
+if TYPE_CHECKING:
+    from slamcli.solver.under_observed import UnderObserved
 
 _LISTED = 8
 
